@@ -16,6 +16,7 @@ from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import Layout, recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
+from calib_core.readers.clouds.rows import by_rows
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
@@ -107,7 +108,8 @@ def detect(
             sample, state.decoder, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
         )
         state.decoder, twice = once_each(sample, state.decoder, state.timing, settings, state.lidar_topic.name)
-        state.findings.extend((*found, *twice))
+        state.decoder, rows = by_rows(sample, state.decoder, state.lidar_topic.name)
+        state.findings.extend((*found, *twice, *rows))
     except InputError as error:
         state.problems.append(error)
 

@@ -17,6 +17,7 @@ from calib_core.readers.clouds.decoders import cloud_decoder
 from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
+from calib_core.readers.clouds.rows import by_rows
 from calib_core.readers.container.fingerprint import recording_sha256
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
@@ -85,6 +86,7 @@ def _load_open(
         sample, decoder, settings, topic=lidar_topic.name, help_text=layout.help_text
     )
     decoder, twice = once_each(sample, decoder, timing, settings, lidar_topic.name)
+    decoder, rows = by_rows(sample, decoder, lidar_topic.name)
     preset = find_lidar_preset(lidar_topic.name, sample[0].frame_id, layout.name)
     model = "" if preset is None else preset.name
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
@@ -126,6 +128,7 @@ def _load_open(
         findings=(
             *findings,
             *twice,
+            *rows,
             *reading.findings(lidar_topic.name),
             *cleaned.findings,
             *set_findings,

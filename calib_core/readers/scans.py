@@ -127,7 +127,8 @@ def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, rang
     if n_kept == 0:
         return Selection(keep, out, 0, counts)
     np.copyto(columns.intensity, _optional(points, _INTENSITY_NAMES), casting="unsafe")
-    np.copyto(columns.ring, _optional(points, RING_NAMES), casting="unsafe")
+    laser = _optional(points, RING_NAMES) if cloud.laser is None else cloud.laser
+    np.copyto(columns.ring, laser, casting="unsafe")
     words = (out.view(np.float32), out.view(np.int32))
     pack_points(
         columns.x, columns.y, columns.z, columns.intensity, columns.ring, columns.times_ns, first_ns, keep, *words

@@ -71,7 +71,9 @@ def assess(
     """
     root = _root(data_information(information, priors)) / inflation
     if added is not None:
-        root = root @ np.linalg.cholesky(np.linalg.inv(np.eye(CALIBRATION) + root.T @ added @ root))
+        seen = root.T @ added @ root
+        values, vectors = np.linalg.eigh(0.5 * (seen + seen.T))
+        root = root @ (vectors / np.sqrt(1.0 + np.maximum(values, 0.0)))
     data = np.asarray(root @ root.T)
     if frozen_offset:
         data[TIME_OFFSET, :] = data[:, TIME_OFFSET] = 0.0

@@ -18,6 +18,7 @@ class RawCloud:
     """points: (N,) structured, at least x y z [m, lidar frame], invalid returns included, in the driver's order.
 
     header_ns: the header's stamp.   receive_ns: when the recorder got it.   width, height as sent (N = width * height).
+    laser: (N,) which one took each point, where no field says it and the points tell (rows.py).
     """
 
     header_ns: int
@@ -26,6 +27,7 @@ class RawCloud:
     points: StructArray
     width: int
     height: int
+    laser: NDArray[np.uint16] | None = None
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -20,6 +20,7 @@ from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.livox import TYPES as LIVOX_TYPES
 from calib_core.readers.clouds.pointcloud2 import TYPE as POINTCLOUD2
+from calib_core.readers.clouds.rows import by_rows
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
@@ -107,6 +108,7 @@ class _Rewriter:
         self._timed, self._timing, _ = point_timing(
             sample, self._plain, settings, topic=lidar.name, help_text=help_text
         )
+        self._timed, _ = by_rows(sample, self._timed, lidar.name)
         self._count = 0
 
     def write_clouds(self, folder: Path, cloud_format: CloudFormat) -> int:

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ class Trap:
     """One way of writing the recording.
 
     times: (absolute ns, header ns) -> {field: values}.   header_ns: of a cloud from its sweep's start and end.
-    from_start: times count from the sweep's start wherever the header is.
+    from_start: times count from the sweep's start wherever the header is.   ring: whether clouds say which laser took a point.
     missing: returns that are none, with garbage times, are strewn in.   twice: each block of 16 returns, but the last of them, is
     followed by itself, with other intensities.   gyro, accel: factors per axis.
     imu_stamp_ns: from the true stamp and the receive time.   codes: findings that must be there.   says: their words.
@@ -53,6 +53,7 @@ class Trap:
     times: Callable[[NDArray[np.int64], int], Columns] = lambda t, h: {"time": ((t - h) * 1e-9).astype("f4")}
     header_ns: Callable[[int, int], int] = lambda first, last: first
     from_start: bool = False
+    ring: Literal["sent", "zero", "none"] = "sent"
     missing: bool = False
     twice: bool = False
     gyro: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -119,6 +120,8 @@ TRAPS: dict[str, Trap] = {
     "garbage on missing columns": Trap(
         times=lambda t, h: {"t": (t - h).astype("u4")}, missing=True, codes=("points.no_return",), says="no return"
     ),
+    "no ring": Trap(ring="none", codes=("points.rows",), says="16 rows of elevation from -15.0 to 15.0 deg"),
+    "rings all zero": Trap(ring="zero", codes=("points.rows",), says="counted from the lowest"),
     "two returns of each beam": Trap(twice=True, codes=("points.twice",), says="there twice"),
     "IMU clock since its start": Trap(
         imu_stamp_ns=lambda stamp, received: stamp - build.EPOCH_NS + BOOT_NS,
@@ -157,7 +160,8 @@ def cloud_message(cloud: Cloud, trap: Trap, rng: np.random.Generator) -> tuple[i
     header_ns = trap.header_ns(cloud.stamp_ns, cloud.end_ns)
     columns: Columns = {axis: source[axis] for axis in "xyz"}
     columns["intensity"] = source[cloud.intensity].astype("f4")
-    columns["ring"] = source[cloud.ring].astype("u2")
+    if trap.ring != "none":
+        columns["ring"] = source[cloud.ring].astype("u2") * (trap.ring == "sent")
     columns |= trap.times(times_ns, cloud.stamp_ns if trap.from_start else header_ns)
     points = np.zeros(rows.size, [(name, values.dtype) for name, values in columns.items()])
     for name, values in columns.items():
@@ -228,7 +232,8 @@ def difference(recording: Recording, twin: Recording, epoch_ns: int) -> tuple[in
     """Worst disagreement with the twin: points (number of scans that differ), instants [ns], readings (relative)."""
     moved, worst = 0, 0
     for scan, other in zip(recording.scans, twin.scans, strict=True):
-        if scan.points["xyz"].shape != other.points["xyz"].shape or (scan.points["xyz"] != other.points["xyz"]).any():
+        alike = scan.points.shape == other.points.shape
+        if not alike or any((scan.points[name] != other.points[name]).any() for name in ("xyz", "ring")):
             moved += 1
             continue
         apart = scan.points["offset_ns"].astype(np.int64) - other.points["offset_ns"]
