@@ -16,7 +16,6 @@ from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import Layout, recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
-from calib_core.readers.clouds.rows import by_rows
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
@@ -25,6 +24,7 @@ from calib_core.readers.imu.messages import ImuCollector, RawImu
 from calib_core.readers.imu.readings import CleanedImu, clean_imu
 from calib_core.readers.one_clock import longest_stretch, order_findings
 from calib_core.readers.reading import sample_clouds
+from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import ScanCounts, make_scan
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming, scan_period_s

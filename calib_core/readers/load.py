@@ -17,13 +17,13 @@ from calib_core.readers.clouds.decoders import cloud_decoder
 from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
-from calib_core.readers.clouds.rows import by_rows
 from calib_core.readers.container.fingerprint import recording_sha256
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.one_clock import on_one_clock
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
+from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import StoredScans
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s

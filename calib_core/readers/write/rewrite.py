@@ -20,11 +20,11 @@ from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.livox import TYPES as LIVOX_TYPES
 from calib_core.readers.clouds.pointcloud2 import TYPE as POINTCLOUD2
-from calib_core.readers.clouds.rows import by_rows
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.reading import sample_clouds, span_ns
+from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import select_points
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from calib_core.readers.clouds.cloud import RawCloud, StructArray
 from calib_core.readers.clouds.decoders import cloud_decoder
-from calib_core.readers.clouds.rows import by_rows, find_rows
 from calib_core.readers.container.opening import open_recording
 from calib_core.readers.container.storage import RawMessage
+from calib_core.readers.rows import by_rows, find_rows
 from calib_core.types import FloatArray
 
 VLP_16_DEG = np.arange(-15.0, 16.0, 2.0)
