@@ -17,7 +17,7 @@ from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCan
 from calib_core.full.assess.clock_step import Sides, clock_step, misfit, turning_within
 from calib_core.full.assess.confidence import DISAGREEMENT
 from calib_core.full.assess.imu_silence import imu_silence
-from calib_core.full.assess.plausibility import borne_out
+from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT, borne_out
 from calib_core.full.assess.settings import CLOCK_STEP
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.planes.propose import find_reference
@@ -91,14 +91,22 @@ def calibrate(
     except Refused as refusal:
         said = [*heard.messages, Message(code=refusal.code, level="error", text=str(refusal))]
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
-    said = with_unit_proven(heard.messages) if not answer.is_weak else heard.messages
+    said = with_doubts_settled(heard.messages) if not answer.is_weak else heard.messages
     result = document(recording, settings, answer, said, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)
 
 
-def with_unit_proven(messages: Sequence[Message]) -> list[Message]:
-    """The messages of an answer that is none in another unit of the gyroscope than the one it was read in."""
-    return [m.model_copy(update={"text": borne_out(m.text)}) if m.code == "imu.gyroscope_unit" else m for m in messages]
+def with_doubts_settled(messages: Sequence[Message]) -> list[Message]:
+    """The messages of an answer, which there is none of in another unit of the gyroscope, nor with flipped axes."""
+
+    def settled(message: Message) -> Message:
+        if message.code == "imu.gyroscope_unit":
+            return message.model_copy(update={"text": borne_out(message.text)})
+        if message.code == "imu.axis_signs":
+            return message.model_copy(update={"code": SIGNS_BORNE_OUT, "text": SIGNS_RIGHT, "level": "info"})
+        return message
+
+    return [settled(message) for message in messages]
 
 
 def with_crispness(done: Calibration, recording: Recording, settings: CalibrateSettings) -> Calibration:

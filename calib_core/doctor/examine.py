@@ -196,7 +196,7 @@ def _look_ahead(
 ) -> Ahead:
     """The planes to expect and the forecast, as far as there is something to find them in."""
     # They bring the estimator, which is imported while the recording is read.
-    from calib_core.doctor.outlook import forecast_report, foresee, planes_report, unit_proven
+    from calib_core.doctor.outlook import doubts_settled, forecast_report, foresee, planes_report
 
     sampled = state.sampled
     if sampled is None or not state.header_ns:
@@ -217,7 +217,7 @@ def _look_ahead(
     if imu is None:
         return Ahead(planes)
     forecast = forecast_report(outlook, planes, share=sampled.share)
-    state.findings = unit_proven(state.findings, forecast)
+    state.findings = doubts_settled(state.findings, forecast)
     return Ahead(planes, forecast, outlook.range_std_m, outlook.foresight)
 
 

@@ -13,7 +13,7 @@ from calib_core.doctor.report import Forecast, ParameterForecast, PlaneReport, P
 from calib_core.doctor.sampling import SampledScans
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.observability import Knowledge
-from calib_core.full.assess.plausibility import borne_out
+from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT, borne_out
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
 from calib_core.full.planes.standing import SEEMS, Fault
 from calib_core.kinds import kind_of, names_of
@@ -100,16 +100,30 @@ def _rounded(direction: FloatArray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def unit_proven(findings: Sequence[Finding], forecast: Forecast | None) -> list[Finding]:
-    """The findings, the gyroscope's unit beyond doubt where the lidar's own turning bears it out.
+def doubts_settled(findings: Sequence[Finding], forecast: Forecast | None) -> list[Finding]:
+    """The findings, the gyroscope's unit and the axes' signs beyond doubt where the lidar's own motion bears them out.
 
-    A forecast that knows all three turns laid the readings on the lidar's track: in the other unit they are 57 times off.
+    A forecast that knows all three turns laid the readings on the lidar's track: in the other unit they are 57 times off, with a
+    flipped axis no start fits.
     """
     if forecast is None or not forecast.parameters or any(p.weak for p in forecast.parameters if p.name in _TURNS):
         return list(findings)
-    return [
-        replace(f, text=borne_out(f.text), confidence=1.0) if f.code == "imu.gyroscope_unit" else f for f in findings
-    ]
+
+    def settled(finding: Finding) -> Finding:
+        if finding.code == "imu.gyroscope_unit":
+            return replace(finding, text=borne_out(finding.text), confidence=1.0)
+        if finding.code == "imu.axis_signs":
+            return replace(
+                finding,
+                code=SIGNS_BORNE_OUT,
+                text=SIGNS_RIGHT,
+                level="info",
+                consequence="readings are used as they are",
+                confidence=1.0,
+            )
+        return finding
+
+    return [settled(finding) for finding in findings]
 
 
 def _planes_in_words(planes: Sequence[PlaneReport], *, determined: bool) -> str:

@@ -61,6 +61,14 @@ def borne_out(unit_text: str) -> str:
     return f"{unit_text.split(' (', maxsplit=1)[0].rstrip('.')}: the lidar turns just as fast."
 
 
+#: What is said of a sign that gravity's turning alone had seem flipped, where the lidar's motion, which tells all of them, fits.
+SIGNS_BORNE_OUT = "imu.signs_borne_out"
+SIGNS_RIGHT = (
+    "By gravity's turning alone, beside the rig's own accelerations, the sign of some axis of the IMU seemed flipped: beside the"
+    " lidar's motion none is."
+)
+
+
 def gravity_std(solved: Solved) -> float:
     """Standard deviation of gravity's magnitude, from its block of the shared covariance."""
     assert solved.minimum.solution is not None

@@ -90,10 +90,14 @@ def stamp_end_suspicion(
     # Nearer to no delay than to a sweep's: in between, two clocks that differ by as much are as likely.
     if lag_s > 0.5 * last_point_s or abs(lag_s) > 2 * period_s:
         return None
+    # By the recorder's own clock they come as soon as their last point was taken: it is the IMU whose stamps are early.
+    if last_point_s <= float(np.median(lidar_lag_ns)) * 1e-9 <= last_point_s + 0.5 * period_s:
+        return None
+    after = f"{abs(lag_s) * 1e3:.0f} ms {'after' if lag_s >= 0.0 else 'before'} their header"
     return Finding(
         code="clock.stamp_at_end",
         level="warning",
-        text=f"Scans on {topic} arrive {lag_s * 1e3:.0f} ms after their header although their last point is"
+        text=f"Scans on {topic} arrive {after}, by the clock of the IMU's stamps, although their last point is"
         f" {last_point_s * 1e3:.0f} ms after it: the stamp is probably the sweep's end.",
         evidence=(Evidence("arrival after header", lag_s, "s"), Evidence("last point after header", last_point_s, "s")),
         confidence=0.7,

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.doctor.outlook import forecast_report, in_words, planes_report, unit_proven
+from calib_core.doctor.outlook import doubts_settled, forecast_report, in_words, planes_report
 from calib_core.doctor.report import ParameterForecast
 from calib_core.doctor.sampling import LOOKED_S, SampledScans
 from calib_core.full.assess.observability import Advice, Knowledge
+from calib_core.full.assess.plausibility import SIGNS_RIGHT
 from calib_core.full.forecast import NO_PLANES, Outlook
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.planes.sample import sample_scan
@@ -101,23 +102,25 @@ def test_a_forecast_is_in_degrees_metres_seconds_and_marks_what_is_weak() -> Non
     assert "50 %" in forecast_report(outlook, planes_report(outlook.proposals, None), share=0.5).text
 
 
-def test_a_unit_that_the_lidar_bears_out_is_certain() -> None:
+def test_units_and_signs_that_the_lidar_bears_out_are_certain() -> None:
     """Mutations: certain without a forecast; with a turn that stays unknown; other findings made certain too."""
     doubted = [
         Finding("imu.gyroscope_unit", "info", "Angular rates on /imu are in rad/s (nothing speaks).", confidence=0.5),
         Finding("imu.accelerometer_unit", "info", "Accelerations are in g.", confidence=0.4),
+        Finding("imu.axis_signs", "warning", "Gyroscope axis y on /imu looks flipped.", confidence=0.6),
     ]
 
     def said(outlook: Outlook) -> list[tuple[str, float]]:
         forecast = forecast_report(outlook, planes_report(outlook.proposals, None), share=1.0)
-        return [(f.text, f.confidence) for f in unit_proven(doubted, forecast)]
+        return [(f.text, f.confidence) for f in doubts_settled(doubted, forecast)]
 
     kept = [(f.text, f.confidence) for f in doubted]
-    assert said(known()) == [("Angular rates on /imu are in rad/s: the lidar turns just as fast.", 1.0), kept[1]]
+    unit = "Angular rates on /imu are in rad/s: the lidar turns just as fast."
+    assert said(known()) == [(unit, 1.0), kept[1], (SIGNS_RIGHT, 1.0)]
     assert said(known(tz=2.5)) == said(known())  # how far it is away has no part in it
     assert said(known(rz=0.6)) == kept
     assert said(Outlook(NO_PLANES, code="a.b", reason="nothing moved")) == kept
-    assert [(f.text, f.confidence) for f in unit_proven(doubted, None)] == kept
+    assert [(f.text, f.confidence) for f in doubts_settled(doubted, None)] == kept
 
 
 def test_no_forecast_says_why() -> None:

@@ -12,11 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from calib_core import calibrate as page
 from calib_core.api import propose_planes
-from calib_core.calibrate import Calibration, calibrate, with_unit_proven
+from calib_core.calibrate import Calibration, calibrate, with_doubts_settled
 from calib_core.doctor.outlook import planes_report
 from calib_core.document import Question
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
+from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT
 from calib_core.geometry import log
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
@@ -280,8 +281,10 @@ def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
             text="Angular rates on /imu are in rad/s (gravity hardly turns, so only plausibility speaks).",
         ),
         Message(code="imu.noise", level="info", text="IMU noise (of a standstill)"),
+        Message(code="imu.axis_signs", level="warning", text="Gyroscope axis y on /imu: its sign looks flipped."),
     ]
-    unit, noise = with_unit_proven(said)
+    unit, noise, signs = with_doubts_settled(said)
+    assert (signs.code, signs.level, signs.text) == (SIGNS_BORNE_OUT, "info", SIGNS_RIGHT)
     assert unit.text == "Angular rates on /imu are in rad/s: the lidar turns just as fast."
     assert noise == said[1]
 

@@ -42,7 +42,7 @@ def test_one_epoch_needs_nothing() -> None:
 
 def test_scans_that_arrive_too_early_carry_the_end_stamp() -> None:
     """Mutations: leave the IMU's own latency out (the recorder runs 5 s ahead); drop the test of last_point_s; told of clocks
-    that are a third of a sweep apart.
+    that are a third of a sweep apart; told of an IMU that is stamped early.
     """
     header, receive, imu_header, imu_receive = lidar_and_imu(0)
     receive, imu_lag = receive + 5_000_000_000, imu_receive + 5_000_000_000 - imu_header
@@ -50,6 +50,13 @@ def test_scans_that_arrive_too_early_carry_the_end_stamp() -> None:
     late = stamp_end_suspicion(receive - (header + PERIOD_NS), imu_lag, 0.1, 0.1, "/p")
     assert late is not None
     assert "probably the sweep's end" in late.text
+    # by one clock with the recorder it comes as its last point was taken: an IMU whose stamps are 80 ms old tells nothing else
+    own, early = receive - 5_000_000_000 - header, imu_lag - 5_000_000_000 + 80_000_000
+    assert 0.1 < np.median(own) * 1e-9 < 0.15
+    assert stamp_end_suspicion(own, early, 0.1, 0.1, "/p") is None
+    before = stamp_end_suspicion(own - PERIOD_NS, early, 0.1, 0.1, "/p")
+    assert before is not None
+    assert "ms before their header" in before.text
     lag = receive - header
     apart = (
         lag - round(float(np.median(lag - np.median(imu_lag)))) + 67_000_000
