@@ -103,19 +103,22 @@ def require_measured_sweeps(run: Run, motions: Sequence[ScanMotion]) -> None:
 
     Of a track that the lidar alone was followed by.
     """
-    _require(run, turning_within(run, motions), WITHIN.straightened, "what the lidar turns from one to the next")
+    expected = "what the lidar turns from one to the next"
+    _require(run, turning_within(run, motions), WITHIN.straightened, expected, WITHIN.least_off)
 
 
 def require_measured_scans(run: Run, followed: Followed) -> None:
     """As `require_measured_sweeps`, of a track that took its turns from the gyroscope.
 
-    Its planes are bent by what was taken out of the sweeps, and make the points show some of it.
+    Its planes are bent by what was taken out of the sweeps, and make the points show some of it. Nor do raw ones show the whole:
+    they are not called off for less than what straightened ones lack.
     """
-    _require(run, turning_freed(run, followed), WITHIN.led_straightened, "what the gyroscope felt meanwhile")
+    least = WITHIN.led_straightened
+    _require(run, turning_freed(run, followed), least, "what the gyroscope felt meanwhile", 1.0 - least)
 
 
-def _require(run: Run, found: WithinSweeps | None, least: float, expected: str) -> None:
-    """least: share that raw clouds show.   expected: of what it is."""
+def _require(run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float) -> None:
+    """least: share that raw clouds show.   expected: of what it is.   least_off: how far from one times are called off."""
     if found is None:
         return
     share, wide = found.share, WITHIN.sigmas * found.std
@@ -131,7 +134,7 @@ def _require(run: Run, found: WithinSweeps | None, least: float, expected: str) 
             f"the clouds were straightened before they were recorded, or their points' times are not those of their "
             f"measurement: {shown}; expected 1; record the driver's own clouds, with its motion compensation switched off",
         )
-    if abs(share - 1.0) > max(WITHIN.least_off, wide):
+    if abs(share - 1.0) > max(least_off, wide):
         run.say(
             "warning",
             "points.times_off",

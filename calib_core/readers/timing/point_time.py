@@ -257,7 +257,9 @@ def _timing(
         Evidence("first point after header", round(begin_ns * 1e-9, 6), "s"),
         Evidence("last point after header", round(end_ns * 1e-9, 6), "s"),
     )
-    text = f"Point times on {topic} are field {best.sample.name!r} in {best.unit}, {_REFERENCE_TEXT[reference]}."
+    amid = reference != "absolute" and min(-begin_ns, end_ns) > _AMID * period_s * 1e9
+    counted = "counted from the header, which is amid the sweep" if amid else _REFERENCE_TEXT[reference]
+    text = f"Point times on {topic} are field {best.sample.name!r} in {best.unit}, {counted}."
     finding = Finding(
         code="points.time_field",
         level="info" if confidence >= 0.5 else "warning",
@@ -279,6 +281,8 @@ def last_point_after_header_s(findings: Sequence[Finding]) -> float:
     return 0.0
 
 
+#: A header so much of a period after the first point and before the last is neither's.
+_AMID = 0.2
 _REFERENCE_TEXT: dict[Reference, str] = {
     "header-first": "counted from the header, which is the first point's time",
     "header-last": "counted from the header, which is the last point's time",

@@ -155,6 +155,23 @@ def test_unusable_times_are_refused(
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("plain", "which is the first point's time."),
+        ("negative", "which is the last point's time."),
+        ("header in the middle", "which is amid the sweep."),
+        ("absolute, stamp at the end", "in s, absolute."),
+    ],
+)
+def test_where_the_header_is_in_its_sweep_is_said(name: str, said: str) -> None:
+    """Mutation: the nearer end named wherever it is."""
+    field, kind, values, header_ns, _ = TRAPS[name]
+    clouds = [cloud(k, field, kind, values, build.EPOCH_NS + k * 100_000_000 + header_ns) for k in range(N)]
+    finding = detect_point_time(clouds, ReadSettings(), topic="/p")[1][0]
+    assert finding.text.endswith(said)
+
+
 def test_few_scans_mean_less_confidence() -> None:
     """Mutation: leave the number of scans out of the confidence."""
     many = detect_point_time([cloud(k, "time", "<f4", lambda t, s: t) for k in range(N)], ReadSettings(), topic="/p")[1]
