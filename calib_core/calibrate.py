@@ -61,6 +61,7 @@ def calibrate(
     lidar's motion is kept for the next solve of the same recording.   Raises SettingsError and
     Cancelled; whatever the recording cannot give is a result with status `refused`.
     """
+    _check_priors(settings, initial_guess)
     started = time.monotonic()
     whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
     forward = ForwardOnly(on_event, PLANNED[settings.method])
@@ -202,6 +203,16 @@ def _holds_reference(
     before, _ = find_reference(whole.scans, settings)
     after, _ = find_reference(kept.scans, settings)
     return whole.scans[before].stamp_ns == kept.scans[after].stamp_ns
+
+
+def _check_priors(settings: CalibrateSettings, guess: InitialGuess | None) -> None:
+    """Raises SettingsError where a turn is given from nowhere: of the program's own start nobody knows anything beforehand."""
+    turns = sorted({prior.axis for prior in settings.priors if prior.axis in ("rx", "ry", "rz")})
+    if turns and (guess is None or guess.R_imu_lidar is None):
+        raise SettingsError(
+            f"Expected an initial guess with a rotation beside the prior on {', '.join(turns)}, which is a small turn from it"
+            " about the lidar's axes, and found none; give the rotation that is known as the initial guess."
+        )
 
 
 def _check_reference(

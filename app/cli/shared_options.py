@@ -63,7 +63,8 @@ def add_solving(command: Parser) -> None:
         action="append",
         default=[],
         metavar="AXIS=VALUE+-STD",
-        help="something known, e.g. tz=0.31+-0.005 or rx=0+-0.5deg; may come often",
+        help="something known, e.g. tz=0.31+-0.005, or rx=0+-0.5deg, a turn about the lidar's x from the rotation of the"
+        " initial guess, which it needs; may come often",
     )
     add(
         "--exclude",

@@ -16,7 +16,7 @@ from calib_core.full.assess.disagreement import (
     together,
     unexplained_variance,
 )
-from calib_core.full.assess.given import Contradiction, contradictions, say_contradictions
+from calib_core.full.assess.given import Contradiction, contradictions, held_contradictions, say_contradictions
 from calib_core.full.assess.observability import Knowledge, assess, named_direction
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser, by_laser
@@ -83,6 +83,8 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     contradicted = contradictions(
         priors.rows[CALIBRATION:], priors.calibration_vector(estimate), np.sqrt(np.diag(plain.covariance))
     )
+    wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
+    contradicted += held_contradictions(run, solved, wider)
     say_contradictions(run, contradicted)
     if beyond.any():
         _say(run, found, beyond)

@@ -84,6 +84,8 @@ class Given:
     #: derived: a descent ends within a seven-hundredth of the answer's sigma: of what the recording says of a value that was
     #: given a thousand times as sharply (the root of this), it is off by one and a half of its own, and may not pass for five.
     least_told: float = 1e-6
+    #: derived: a prior of gravity that tells nothing: a hundred times what a solve knows it to (0.01).
+    loose_gravity_m_s2: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
+from calib_core.errors import SettingsError
 from calib_core.full.assess.given import CONTRADICTED, contradictions
 from calib_core.full.joint.priors import PriorRow
-from calib_core.settings import CalibrateSettings, Prior
+from calib_core.settings import CalibrateSettings, Gravity, Prior
 from calib_core.simulate import Truth
-from calib_core.types import Recording
+from calib_core.types import InitialGuess, Recording
 
 
 @pytest.mark.parametrize(
@@ -39,7 +42,7 @@ def test_two_gaussians_that_do_not_agree(
     assert len(found) == is_told
     for each in found:
         assert each.sigmas == pytest.approx(abs(alone - given) / np.hypot(std, alone_std), rel=1e-6)
-        assert each.away == pytest.approx(alone - given, rel=1e-6)
+        assert each.away == f"{1e3 * abs(alone - given):.3g} mm"
 
 
 def test_a_prior_that_the_recording_contradicts_is_named(noisy: tuple[Recording, Truth]) -> None:
@@ -62,3 +65,51 @@ def test_a_prior_that_the_recording_contradicts_is_named(noisy: tuple[Recording,
             )
             stated_mm = float(text.split("would have it ")[1].split(" mm")[0])
             assert stated_mm == pytest.approx(1e3 * away_m, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("said", "change", "off_ms", "away"),
+    [
+        ("time offset", {"estimate_time_offset": False}, 0.0, None),
+        ("time offset", {"estimate_time_offset": False}, 1.0, "ms"),
+        ("magnitude of gravity", {"gravity": Gravity(magnitude_m_s2=9.81, std_m_s2=0.0)}, 0.0, None),
+        ("magnitude of gravity", {"gravity": Gravity(magnitude_m_s2=9.4, std_m_s2=0.0)}, 0.0, "m/s\u00b2"),
+    ],
+)
+def test_what_is_held_and_wrong_is_named(
+    noisy: tuple[Recording, Truth], said: str, change: dict[str, object], off_ms: float, away: str | None
+) -> None:
+    """A time offset a millisecond off, and a gravity of nowhere on Earth; the true ones are not. Oracle: how far they are off.
+
+    Mutations: not asked; let go with gravity's own prior; the one held called the other.
+    """
+    recording, truth = noisy
+    settings = CalibrateSettings.model_validate({"intrinsics": "off", "crispness": False, **change})
+    held_ns = truth.time_offset_ns + round(1e6 * off_ms)
+    guess = InitialGuess(None, None, held_ns) if said == "time offset" else None
+    result = calibrate(recording, settings, planes=truth.planes, initial_guess=guess).result
+    told = [message.text for message in result.messages if message.code == CONTRADICTED]
+    assert (result.status, len(told)) == (("calibrated", 0) if away is None else ("weak", 1))
+    for text in told:
+        assert text.startswith(f"what was given for the {said} contradicts the recording")
+        number, unit = text.split("would have it ")[1].split(" away")[0].split()
+        assert unit == away
+        assert float(number) == pytest.approx(off_ms if off_ms > 0.0 else 9.81 - 9.4, rel=0.2)
+
+
+def test_a_turn_is_given_from_a_rotation(noisy: tuple[Recording, Truth]) -> None:
+    """From the program's own start it is no knowledge: 0 +- 0.001 deg from there was 29 sigmas off, and called calibrated.
+
+    Mutations: taken from the start; asked of a translation, too; a guess without a rotation is enough.
+    """
+    recording, truth = noisy
+    turn = CalibrateSettings(priors=(Prior(axis="rz", value=0.0, std=1e-3),))
+    for guess in (None, InitialGuess(None, truth.p_imu_lidar, truth.time_offset_ns)):
+        with pytest.raises(SettingsError, match="initial guess with a rotation beside the prior on rz"):
+            calibrate(recording, turn, initial_guess=guess)
+    short = replace(recording, scans=recording.scans[:3])
+    for settings, known in (
+        (CalibrateSettings(priors=(Prior(axis="tz", value=0.0, std=1.0),)), None),
+        (turn, InitialGuess(truth.R_imu_lidar, None, None)),
+    ):
+        assert calibrate(short, settings, initial_guess=known).result.status == "refused"
