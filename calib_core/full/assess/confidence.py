@@ -81,7 +81,10 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     found = tuple(disagreements(apart, stated))
     beyond = together([each for each in found if each.is_beyond_noise], stated + added)
     contradicted = contradictions(
-        priors.rows[CALIBRATION:], priors.calibration_vector(estimate), np.sqrt(np.diag(plain.covariance))
+        priors.rows[CALIBRATION:],
+        priors.calibration_vector(estimate),
+        np.sqrt(np.diag(plain.covariance)),
+        np.diag(added + beyond) * UNITS**2,
     )
     wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
     contradicted += held_contradictions(run, solved, wider)

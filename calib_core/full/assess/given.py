@@ -46,13 +46,19 @@ class Contradiction:
         )
 
 
-def contradictions(rows: Sequence[PriorRow], at: FloatArray, stds: FloatArray) -> list[Contradiction]:
-    """Those of the rows that the recording contradicts. at, stds: (7,) of the answer, as the rows speak of it, SI units."""
+def contradictions(
+    rows: Sequence[PriorRow], at: FloatArray, stds: FloatArray, added: FloatArray | None = None
+) -> list[Contradiction]:
+    """Those of the rows that the recording contradicts. at, stds: (7,) of the answer, as the rows speak of it, SI units.
+
+    added: (7,) variances of what the recording says, SI units, that stds know nothing of.
+    """
     found = []
     for row in rows:
         left = max(1.0 - (stds[row.column] / row.std) ** 2, GIVEN.least_told)
         moved = float(at[row.column]) - row.value
-        sigmas = abs(moved) / (row.std * np.sqrt(left))
+        beyond = 0.0 if added is None else float(added[row.column])
+        sigmas = abs(moved / left) / np.sqrt(row.std**2 / left + beyond)
         if sigmas > GIVEN.sigmas:
             away = amount(moved / left, row.column)
             found.append(Contradiction(NAMES[row.column], away, float(sigmas)))

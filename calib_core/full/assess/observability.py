@@ -69,7 +69,8 @@ def assess(
     offset_std_s: an error of the time offset that no residual knows of, added to its variance unless it is frozen.
     added: (7, 7) covariance, scaled units, of what the information knows nothing of.
     """
-    root = _root(data_information(information, priors)) / inflation
+    plain = data_information(information, priors)
+    root = _root(plain) / inflation
     if added is not None:
         seen = root.T @ added @ root
         values, vectors = np.linalg.eigh(0.5 * (seen + seen.T))
@@ -99,7 +100,10 @@ def assess(
     rows = np.zeros(CALIBRATION)
     for row in priors.rows:
         rows[row.column] += 1.0 / row.std**2
-    covariance = _held(data, rows * UNITS**2) * UNITS[:, None] * UNITS[None, :]
+    covariance = _held(data, rows * UNITS**2)
+    if added is not None and len(priors.rows) > CALIBRATION:
+        covariance = _weighed_as_solved(plain, added, rows * UNITS**2, outside, free=not frozen_offset)
+    covariance = covariance * UNITS[:, None] * UNITS[None, :]
     if not frozen_offset:
         covariance[TIME_OFFSET, TIME_OFFSET] += offset_std_s**2
     rotation = np.linalg.eigvalsh(data[ROTATION, ROTATION])
@@ -126,6 +130,26 @@ def _held(data: FloatArray, prior: FloatArray) -> FloatArray:
     values, vectors = np.linalg.eigh(data * std[:, None] * std)
     spread = std[:, None] * vectors
     return np.asarray((spread / (1.0 + np.maximum(values, 0.0))) @ spread.T, dtype=np.float64)
+
+
+def _weighed_as_solved(
+    plain: FloatArray, added: FloatArray, prior: FloatArray, outside: FloatArray, *, free: bool
+) -> FloatArray:
+    """Covariance of an answer in which a person's priors were weighed against what the data seemed to know, (7, 7).
+
+    The solve knew nothing of what is added: d = (I + P)^-1 (I x + P p), where x is known to I^-1 + A. So it is
+    (I + P)^-1 + K A K' with K = (I + P)^-1 I, and no prior makes it surer than it was weighed.
+
+    outside: (7, 7) projection on what is not open.   free: whether the time offset is estimated.
+    """
+    data, lacking = np.asarray(_root(plain) @ _root(plain).T), added.copy()
+    if not free:
+        lacking[TIME_OFFSET, :] = lacking[:, TIME_OFFSET] = data[TIME_OFFSET, :] = data[:, TIME_OFFSET] = 0.0
+        data[TIME_OFFSET, TIME_OFFSET] = FROZEN
+    data = outside @ data @ outside
+    together = _held(data, prior)
+    gain = together @ data
+    return np.asarray(together + gain @ lacking @ gain.T)
 
 
 def _describe(vector: FloatArray, spread: float, data_std: FloatArray, *, undetermined: bool) -> WeakDirection:

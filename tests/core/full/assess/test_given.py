@@ -43,6 +43,9 @@ def test_two_gaussians_that_do_not_agree(
     for each in found:
         assert each.sigmas == pytest.approx(abs(alone - given) / np.hypot(std, alone_std), rel=1e-6)
         assert each.away == f"{1e3 * abs(alone - given):.3g} mm"
+    # Where parts of the recording disagree by a third of the distance, it is three of both together at most.
+    added = np.full(7, (abs(alone - given) / 3.0) ** 2)
+    assert contradictions([PriorRow(4, given, std)], at, stds, added) == []
 
 
 def test_a_prior_that_the_recording_contradicts_is_named(noisy: tuple[Recording, Truth]) -> None:
