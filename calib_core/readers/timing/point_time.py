@@ -199,18 +199,25 @@ def detect_point_time(
     ]
     found.sort(key=lambda h: -h.score)
     if not found:
-        raise PointTimeError(_no_hypothesis_text(topic, samples, period_s, help_text))
+        raise PointTimeError(_no_hypothesis_text(topic, samples, period_s, help_text, settings.point_time_unit))
     return _timing(found, sampled, returns, period_s, settings, topic)
 
 
-def _no_hypothesis_text(topic: str, samples: Sequence[_FieldSample], period_s: float, help_text: str) -> str:
+def _no_hypothesis_text(
+    topic: str, samples: Sequence[_FieldSample], period_s: float, help_text: str, unit: Unit | None
+) -> str:
+    """unit: the one that was asked for; None for any."""
     named = next((s for s in samples if s.named), samples[0])
     spread = float(np.nanmedian(named.q99 - named.q01)) if np.isfinite(named.q01).any() else 0.0
     if spread == 0.0:
         what = f"field {named.name!r} is the same for all points of a scan"
     else:
-        what = f"field {named.name!r} spreads over {spread:g}, which is no scan of {period_s:.3f} s in s, ms, us or ns"
-    advice = help_text or "name the right field with --point-time-field and --point-time-unit"
+        asked = "s, ms, us or ns" if unit is None else f"{unit}, as asked"
+        what = f"field {named.name!r} spreads over {spread:g}, which is no scan of {period_s:.3f} s in {asked}"
+    if unit is None:
+        advice = help_text or "name the right field with --point-time-field and --point-time-unit"
+    else:
+        advice = f"leave --point-time-unit {unit} out, or name another field with --point-time-field"
     return f"The clouds on {topic} carry no usable per-point time: {what}; {advice}, or pass --synthesise-point-time."
 
 
