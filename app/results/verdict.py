@@ -88,7 +88,7 @@ def told(result: CalibrationResult) -> str:
     )
     parts = "Parts of the recording disagree by more than noise explains; the error bars allow for that."
     if result.status == "weak":
-        given = [message.text for message in result.messages if message.code == CONTRADICTED]
+        given = [m.text for m in result.messages if m.code == CONTRADICTED and m.level == "warning"]
         weak = result.observability.weak_directions
         if given:
             return _whole(given[0])

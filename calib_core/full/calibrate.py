@@ -26,7 +26,7 @@ from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.choice import with_choice
-from calib_core.full.joint.doubt import face_three_ways, judge_chosen
+from calib_core.full.joint.doubt import face_three_ways, require_sound_choice
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.kept_motion import KeptMotion, called_as
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
@@ -77,8 +77,8 @@ def calibrate_full(
 
         def judged(run: Run, solved: Solved) -> Answer:
             if schedule.chosen:
-                judge_chosen(run, solved)
-            return answer(run, solved, weigh(run, solved), lidar)
+                require_sound_choice(solved)
+            return answer(run, solved, weigh(run, solved, is_choice=schedule.chosen), lidar)
 
         return with_sensors_as_they_are(run, counting, solved, judged)
 

@@ -86,6 +86,8 @@ class Given:
     least_told: float = 1e-6
     #: derived: a prior of gravity that tells nothing: a hundred times what a solve knows it to (0.01).
     loose_gravity_m_s2: float = 1.0
+    #: derived: turns and shifts by which planes move as one, which nothing tells of them.
+    frame: int = 6
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,6 +7,8 @@ import numpy as np
 from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence, confidence
+from calib_core.full.assess.doubtful_choice import say_doubtful_choice
+from calib_core.full.assess.given import PLANES
 from calib_core.full.assess.gyroscope import gyroscope_axes
 from calib_core.full.assess.observability import Knowledge, advice
 from calib_core.full.assess.parts import parts_of
@@ -30,8 +32,8 @@ from calib_core.types import Trajectory
 _NO_ANSWER = "the joint solve found no stable answer; the planes or the motion do not fit the data"
 
 
-def weigh(run: Run, solved: Solved) -> Confidence:
-    """What is known of the calibration.
+def weigh(run: Run, solved: Solved, *, is_choice: bool) -> Confidence:
+    """What is known of the calibration. is_choice: whether planes were chosen by a person, and what is wrong with them is said.
 
     Raises Refused where the answer cannot be true, or determines no rotation.
     """
@@ -54,6 +56,9 @@ def weigh(run: Run, solved: Solved) -> Confidence:
     except NotPositiveDefinite as error:  # its sensors' own parameters can be such that nothing is determined any more
         raise Refused("solve.diverged", _NO_ANSWER) from error
     require_rotation(trust.knowledge)
+    # Where planes are held wrong, others seem to move and to bend.
+    if is_choice and not any(each.what.startswith(PLANES) for each in trust.contradicted):
+        say_doubtful_choice(run, solved)
     return trust
 
 
@@ -85,7 +90,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         gravity_m_s2=float(np.linalg.norm(e.gravity)),
         gravity_std_m_s2=gravity_std(solved),
         covariance=knowledge.covariance,
-        is_weak=knowledge.is_weak or trust.is_torn or bool(trust.contradicted),
+        is_weak=knowledge.is_weak or trust.is_torn or any(each.bends for each in trust.contradicted),
         weak_axes=knowledge.weak_axes,
         weak_directions=knowledge.weak,
         advice=tuple(said.text for said in advice(knowledge, turning_std_rad_s, e.R_imu_lidar)),

@@ -10,6 +10,7 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
+from calib_core.full.initialise.guided import guided
 from calib_core.full.initialise.linear import linear_start, linear_steps
 from calib_core.full.initialise.rotation import acceleration_start, rotation_start
 from calib_core.full.initialise.settings import AGREEING, ROTATING
@@ -41,8 +42,10 @@ def initialise(
     candidates = rotation_start(lidar, run.clocks.imu_s, imu.gyro_rad_s) if _turns(run, lidar) else []
     if not candidates:
         candidates = acceleration_start(lidar, run.clocks.imu_s, imu.accel_m_s2)
+    is_turned_as_guessed = False
     if guess is not None:
-        candidates = _guided(run, candidates, guess)
+        start, is_turned_as_guessed = guided(run, lidar, candidates, guess)
+        candidates = [start]
     if not candidates:
         raise _nothing_to_compare(len(motions), len(run.recording.scans))
     magnitude = run.settings.gravity.magnitude_m_s2
@@ -71,7 +74,7 @@ def initialise(
         )
     run.stage("initialise", 1.0)
     rotation, linear = chosen.rotation, chosen.linear
-    if guess is None or guess.R_imu_lidar is None:
+    if not is_turned_as_guessed:
         _refuse_misread_imu(run, lidar, max(candidates, key=lambda c: c.correlation), linear)
     steps = linear_steps(lidar, run.clocks.imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude)
     if steps.astray.any():
@@ -123,18 +126,6 @@ def _refuse_misread_imu(run: Run, lidar: LidarTrack, rotation: RotationStart, li
         raise Refused("imu.gyroscope_unit", complaint)
     if complaint := axis_complaint(lidar, imu_s, imu, rotation, linear, run.settings.gravity.magnitude_m_s2):
         raise Refused("imu.axis_signs", complaint)
-
-
-def _guided(run: Run, found: list[RotationStart], guess: InitialGuess) -> list[RotationStart]:
-    """What the user already knows replaces what was found."""
-    offset = run.clocks.offset_s(guess.time_offset_ns) if guess.time_offset_ns is not None else None
-    base = found[0] if found else RotationStart(0.0, np.eye(3), np.zeros(3), 1.0, 0.0, None)
-    if offset is not None:
-        near = [c for c in found if abs(c.time_offset_s - offset) < ROTATING.guess_s]
-        base = replace(near[0] if near else base, time_offset_s=offset)
-    if guess.R_imu_lidar is not None:
-        base = replace(base, R_imu_lidar=guess.R_imu_lidar, open_axis_imu=None)
-    return [base]
 
 
 def _nothing_to_compare(followed: int, scans: int) -> Refused:

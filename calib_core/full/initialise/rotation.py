@@ -34,10 +34,31 @@ from calib_core.types import BoolArray, FloatArray
 @told_once
 def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[RotationStart]:
     """Time offset and rotation, best first; more than one where several lags explain the motion about as well."""
+    return fit_lags(*best_turns(track, imu_s, gyro_rad_s))
+
+
+def best_turns(
+    track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray
+) -> tuple[Turns, GyroTurns, list[tuple[float, float]]]:
+    """The turns that agree best with the gyroscope's, these, and the lags at which they do, with their correlations."""
     gyro = GyroTurns(imu_s, gyro_rad_s)
     kinds = [(turns, candidate_lags(turns, gyro, imu_s)) for turns in turns_of(track)]
     turns, lags = max(kinds, key=lambda kind: kind[1][0][1] if kind[1] else -np.inf)
-    return fit_lags(turns, gyro, lags)
+    return turns, gyro, lags
+
+
+def left_by(turns: Turns, gyro: GyroTurns, offset_s: float, R_imu_lidar: FloatArray) -> FloatArray:
+    """What each rotation (K, 3, 3) leaves of the turns at a lag, as `RotationStart.residual` has it. Turns that the first one
+    leaves far off count little.
+    """
+    b = gyro.over(turns.start_s - offset_s, turns.end_s - offset_s)
+    use = np.isfinite(b[:, 0])
+    left = b[use] - turns.rate_rad_s[use] @ np.swapaxes(R_imu_lidar, 1, 2)
+    left = left - np.median(left, axis=1)[:, None]
+    size = np.linalg.norm(left, axis=2)
+    weight = _trusted(size[:1], np.ones((1, size.shape[1]), bool))[0]
+    spread = np.sum(weight * np.sum((b[use] - b[use].mean(axis=0)) ** 2, axis=1))
+    return np.asarray(np.sqrt(np.sum(weight * size**2, axis=1) / spread))
 
 
 def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]]) -> list[RotationStart]:

@@ -19,7 +19,6 @@ from calib_core.full.planes.standing import (
     Standing,
     doubts,
     fault_of,
-    is_mostly_bent,
     standing_of,
 )
 from calib_core.full.run import Run
@@ -102,31 +101,11 @@ def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], norm
     )
 
 
-def judge_chosen(ctx: Run, solved: Solved) -> None:
-    """Name the doubtful among the planes that a person chose: they count all the same.
-
-    Doubtful is also what was while gates were wide: narrow ones see of a box before a wall what lies near the plane. Raises
-    Refused where those beyond doubt do not hold three directions: the answer would be that of what moves or bends.
+def require_sound_choice(solved: Solved) -> None:
+    """Raises Refused where the planes of a choice that are beyond doubt do not hold three directions: the answer would be that of
+    what moves or bends.
     """
-    problem, estimate = solved.problem, solved.estimate
-    if not np.isfinite(estimate.p_imu_lidar).all():  # a solve that came to nothing is told as that
+    if not np.isfinite(solved.estimate.p_imu_lidar).all():  # a solve that came to nothing is told as that
         return
-    stand = standings(problem, estimate)
-    doubt = doubts(stand)
-    faults = [fault_of(row) for row in doubt]
-    seen = [fault or plane.fault for fault, plane in zip(faults, solved.planes, strict=True)]
-    require_three_ways(solved.planes, faults, estimate.normals)
-    for plane, fault in zip(solved.planes, seen, strict=True):
-        if fault and plane.chosen:
-            ctx.say(
-                "warning",
-                "planes.doubted",
-                f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
-            )
-    if is_mostly_bent(stand):
-        ctx.say(
-            "warning",
-            "planes.bent",
-            "the chosen planes are mostly not flat, or not what they seem; choose walls, floor and ceiling, or use the "
-            "suggestion",
-        )
+    faults = [fault_of(row) for row in plane_doubts(solved.problem, solved.estimate)]
+    require_three_ways(solved.planes, faults, solved.estimate.normals)

@@ -74,8 +74,8 @@ def counted(
     monkeypatch.setattr(page, "called_as", lambda state, *_: state)
     judged: list[object] = []
     monkeypatch.setattr(page, "beyond_sheets", lambda _solved: None)
-    monkeypatch.setattr(page, "judge_chosen", lambda _run, solved: judged.append(solved))
-    monkeypatch.setattr(page, "weigh", lambda _run, solved: solved in judged)
+    monkeypatch.setattr(page, "require_sound_choice", judged.append)
+    monkeypatch.setattr(page, "weigh", lambda _run, solved, is_choice: is_choice and solved in judged)
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
     heard = Heard(lambda event: said.append(getattr(event, "code", "")), [])

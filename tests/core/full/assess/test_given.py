@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from calib_core.calibrate import calibrate
 from calib_core.errors import SettingsError
-from calib_core.full.assess.given import CONTRADICTED, contradictions
+from calib_core.full.assess.given import CONTRADICTED, contradictions, of_planes
 from calib_core.full.joint.priors import PriorRow
 from calib_core.settings import CalibrateSettings, Gravity, Prior
 from calib_core.simulate import Truth
@@ -116,3 +117,60 @@ def test_a_turn_is_given_from_a_rotation(noisy: tuple[Recording, Truth]) -> None
         (turn, InitialGuess(truth.R_imu_lidar, None, None)),
     ):
         assert calibrate(short, settings, initial_guess=known).result.status == "refused"
+
+
+@pytest.mark.parametrize("wider", [1.0, 3.0])
+def test_planes_are_asked_as_one(wider: float) -> None:
+    """Oracle: points of four planes, whose own least squares make the covariance; how far each stands off amid them; the tail
+    of the chi-square law beside that of the normal one.
+
+    Mutations: the offset about the origin; the planes one by one, of which none is beyond 5; the frame's six counted;
+    disagreement left out, or taken for a square.
+    """
+    random = np.random.default_rng(4)
+    steps, blocks = [], []
+    for far, turn_rad, off_m in ((4.0, 1e-4, 0.0), (6.0, 0.0, 4e-4), (3.0, 0.0, 3e-4), (5.0, 0.0, 3.5e-4)):
+        about = random.normal(0.0, 1.0, (200, 2)) + far
+        rows = np.column_stack([about, np.ones(200)]) / 5e-3
+        blocks.append(np.linalg.inv(rows.T @ rows))
+        # Turned about the middle of its points, and moved there.
+        middle = about.mean(axis=0)
+        steps.append(np.array([turn_rad, 0.0, off_m - turn_rad * middle[0]]))
+    known = np.zeros((12, 12))
+    for k, block in enumerate(blocks):
+        known[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
+    steps = [4.0 * wider * step for step in steps]
+    saved = sum(float(step @ np.linalg.solve(block, step)) for step, block in zip(steps, blocks, strict=True))
+    told = of_planes(["a", "b", "c", "d"], steps, known, wider)
+    as_normal = stats.norm.isf(stats.chi2.sf(saved / wider**2, 6))
+    assert told.sigmas / wider == pytest.approx(as_normal, rel=0.05)
+    assert told.what == "planes (b most of all)"
+    shift_mm, degrees = told.away.removesuffix(" deg").split(" mm and ")
+    assert (float(shift_mm), float(degrees)) == (pytest.approx(4e-1 * 4.0 * wider, rel=0.02), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("off_m", "status", "level", "said"),
+    [
+        (0.0, "calibrated", [], ""),
+        (0.001, "calibrated", ["info"], "the calibration is hardly bent by it"),
+        (0.02, "weak", ["warning"], "all else was bent to fit"),
+    ],
+)
+def test_planes_that_are_held_where_they_are_not(
+    noisy: tuple[Recording, Truth], off_m: float, status: str, level: list[str], said: str
+) -> None:
+    """A wall a millimetre off, and two centimetres; the true ones are not told of, and no other wall is said to move or to bend.
+
+    Mutations: not asked; `weak` whatever is bent; never; the others called doubtful beside it.
+    """
+    recording, truth = noisy
+    planes = [replace(plane, suggested=False) for plane in truth.planes]
+    planes[0] = replace(planes[0], offset_m=planes[0].offset_m + off_m)
+    settings = CalibrateSettings(intrinsics="off", crispness=False, estimate_planes=False)
+    result = calibrate(recording, settings, planes=planes).result
+    told = [message for message in result.messages if message.code == CONTRADICTED]
+    assert (result.status, [message.level for message in told]) == (status, level)
+    assert all(said in message.text and "planes (" in message.text for message in told)
+    doubts = [message.text for message in result.messages if message.code in {"planes.doubted", "planes.bent"}]
+    assert not (told and doubts)

@@ -56,8 +56,8 @@ def weighed(recording: Recording, intrinsics: Any, **more: Any) -> Weighed:
     """A solve, watched as it is weighed."""
     kept: list[tuple[Solved, Confidence]] = []
 
-    def watched(run: Run, solved: Solved) -> Confidence:
-        trust = weigh(run, solved)
+    def watched(run: Run, solved: Solved, *, is_choice: bool) -> Confidence:
+        trust = weigh(run, solved, is_choice=is_choice)
         kept.append((solved, trust))
         return trust
 

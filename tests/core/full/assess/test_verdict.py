@@ -26,7 +26,7 @@ def test_an_end_that_determines_nothing_is_refused(monkeypatch: pytest.MonkeyPat
     solved: Any = SimpleNamespace(minimum=minimum, observations=SimpleNamespace(count=np.full(1000, 100)))
     run: Any = None
     with pytest.raises(Refused) as refused:
-        verdict.weigh(run, solved)
+        verdict.weigh(run, solved, is_choice=False)
     assert refused.value.code == "solve.diverged"
 
 

@@ -1,0 +1,31 @@
+"""What is wrong with planes that a person chose, and that count all the same."""
+
+from __future__ import annotations
+
+from calib_core.full.joint.doubt import standings
+from calib_core.full.joint.estimation import Solved
+from calib_core.full.planes.standing import WORDS, doubts, fault_of, is_mostly_bent
+from calib_core.full.run import Run
+
+
+def say_doubtful_choice(run: Run, solved: Solved) -> None:
+    """Name the doubtful among the planes that a person chose: they count all the same.
+
+    Doubtful is also what was while gates were wide: narrow ones see of a box before a wall what lies near the plane.
+    """
+    stand = standings(solved.problem, solved.estimate)
+    seen = [fault_of(row) or plane.fault for row, plane in zip(doubts(stand), solved.planes, strict=True)]
+    for plane, fault in zip(solved.planes, seen, strict=True):
+        if fault and plane.chosen:
+            run.say(
+                "warning",
+                "planes.doubted",
+                f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
+            )
+    if is_mostly_bent(stand):
+        run.say(
+            "warning",
+            "planes.bent",
+            "the chosen planes are mostly not flat, or not what they seem; choose walls, floor and ceiling, or use the "
+            "suggestion",
+        )

@@ -1,0 +1,78 @@
+"""Start values from what a person knows beforehand, where both motions do not tell otherwise.
+
+A guess is where to begin. One that is turned upside down, or was written the other way round, leads the solve astray for minutes;
+and what both sensors' turning leaves under it, next to what it leaves under the rotation of its own, says so at once.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from calib_core.full.initialise.rotation import best_turns, fit_lags, left_by
+from calib_core.full.initialise.settings import AGREEING, ROTATING
+from calib_core.full.initialise.start import LidarTrack, RotationStart
+from calib_core.full.run import Run
+from calib_core.geometry import log
+from calib_core.types import InitialGuess
+
+
+def guided(run: Run, track: LidarTrack, found: list[RotationStart], guess: InitialGuess) -> tuple[RotationStart, bool]:
+    """The start that a guess replaces what was found in, and whether its rotation is the guess's.
+
+    found: what both motions tell, best first, maybe nothing. Says what of the guess they refute and is not begun with.
+    """
+    base = found[0] if found else RotationStart(0.0, np.eye(3), np.zeros(3), 1.0, 0.0, None)
+    if guess.time_offset_ns is not None:
+        base = _at_offset(run, track, found, base, run.clocks.offset_s(guess.time_offset_ns))
+    R = guess.R_imu_lidar
+    if R is None or (found and _refuted(run, track, base, R)):
+        return base, False
+    return replace(base, R_imu_lidar=R, open_axis_imu=None), True
+
+
+def _at_offset(
+    run: Run, track: LidarTrack, found: list[RotationStart], base: RotationStart, offset_s: float
+) -> RotationStart:
+    """The start at a time offset that was given; that of the turning itself where no turning fits there."""
+    near = [each for each in found if abs(each.time_offset_s - offset_s) < ROTATING.guess_s]
+    if near or not run.settings.estimate_time_offset or base.residual > AGREEING.fits:
+        return replace(near[0] if near else base, time_offset_s=offset_s)
+    turns, gyro, _ = best_turns(track, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
+    there = fit_lags(turns, gyro, [(offset_s, 0.0)])
+    if there and not _is_worse(there[0].residual, base.residual):
+        return replace(there[0], time_offset_s=offset_s)
+    away_s = offset_s - base.time_offset_s
+    run.say(
+        "warning",
+        "start.guess_refuted",
+        f"the time offset of the initial guess is {abs(away_s):.3g} s {'above' if away_s > 0 else 'below'} the one at which both "
+        "sensors turn alike: the solve starts from the latter",
+    )
+    return base
+
+
+def _refuted(run: Run, track: LidarTrack, base: RotationStart, R_imu_lidar: np.ndarray) -> bool:
+    """Whether the turning of both sensors leaves much more under a rotation that was given than under its own; says so."""
+    if base.residual > AGREEING.fits or base.open_axis_imu is not None:
+        return False
+    turns, gyro, _ = best_turns(track, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
+    asked = np.stack([base.R_imu_lidar, R_imu_lidar, R_imu_lidar.T])
+    own, given, inverse = left_by(turns, gyro, base.time_offset_s, asked).tolist()
+    if not _is_worse(given, own):
+        return False
+    away_deg = np.degrees(np.linalg.norm(log(base.R_imu_lidar.T @ R_imu_lidar)))
+    inverted = "" if _is_worse(inverse, own) else "; it fits the other way round, as T_lidar_imu"
+    run.say(
+        "warning",
+        "start.guess_refuted",
+        f"the rotation of the initial guess is turned by {away_deg:.3g} deg from the one under which both sensors turn "
+        f"alike{inverted}: the solve starts from the latter",
+    )
+    return True
+
+
+def _is_worse(left: float, best: float) -> bool:
+    """As of candidates of the turning."""
+    return left > max(ROTATING.worse_times * best, best + ROTATING.worse_share)

@@ -1,0 +1,128 @@
+"""A guess replaces what was found, unless both sensors' turning refutes it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from calib_core.full.initialise.guided import guided
+from calib_core.full.initialise.rotation import best_turns, left_by, rotation_start
+from calib_core.full.initialise.start import LidarTrack
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import SCENARIOS, Truth
+from calib_core.simulate.motions import ONE_AXIS, PAPER_FAST
+from calib_core.types import FloatArray, InitialGuess
+from tests.core.full.initialise.test_start import SCENARIO, _imu, _tracked, _truth
+
+OFFSET_S = 0.31
+
+
+def _world(*, one_axis: bool = False) -> tuple[Truth, LidarTrack, FloatArray, FloatArray]:
+    truth = _truth(replace(SCENARIO, motion=ONE_AXIS if one_axis else PAPER_FAST))
+    stamps, gyro, _ = _imu(truth, 5.0, 35.0, OFFSET_S)
+    return truth, _tracked(truth, 10.0, 30.0, noise=0.01), stamps, gyro
+
+
+def _begun(guess: InitialGuess, *, one_axis: bool = False, held: bool = False):
+    """The start, whether its rotation is the guess's, what was said, and the truth."""
+    truth, track, stamps, gyro = _world(one_axis=one_axis)
+    said: list[str] = []
+    run = SimpleNamespace(
+        clocks=SimpleNamespace(imu_s=stamps, offset_s=lambda ns: ns * 1e-9),
+        recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=gyro)),
+        settings=CalibrateSettings(estimate_time_offset=not held),
+        say=lambda level, code, text: said.append(f"{level} {code} {text}"),
+    )
+    start, as_guessed = guided(run, track, rotation_start(track, stamps, gyro), guess)  # type: ignore[arg-type]
+    return start, as_guessed, said, truth
+
+
+def test_what_a_rotation_leaves() -> None:
+    """Oracle: a vector that is turned by an angle is off by twice the sine of its half, across the axis; across all axes that is
+    the root of two thirds of it. Mutations: the rotation applied the other way round; the bias left in; leaps counted.
+    """
+    truth, track, stamps, gyro = _world()
+    turns, readings, _ = best_turns(track, stamps, gyro + np.array([0.3, 0.0, 0.0]))
+    rate = turns.rate_rad_s.copy()
+    rate[::17] += 3.0  # as where a track leapt
+    turns = replace(turns, rate_rad_s=rate)
+    turned = [truth.R_imu_lidar]
+    for axis in np.eye(3):
+        turned += [truth.R_imu_lidar @ Rotation.from_rotvec(0.5 * axis).as_matrix()]
+    own, *others = left_by(turns, readings, OFFSET_S, np.stack(turned))
+    assert own < 0.06
+    assert np.sqrt(np.mean(np.square(others))) == pytest.approx(2.0 * np.sin(0.25) * np.sqrt(2.0 / 3.0), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("off_deg", "refuted"), [((0, 3, 4), False), ((180, 0, 0), True), ((0, 0, 90), True), ((20, 0, 20), True)]
+)
+def test_a_rotation_that_the_turning_refutes(off_deg: tuple[float, ...], refuted: bool) -> None:
+    """Mutations: never refuted; always; the guess's begun with all the same; compared with its own inverse."""
+    turn = Rotation.from_rotvec(off_deg, degrees=True)
+    wrong = _truth(SCENARIO).R_imu_lidar @ turn.as_matrix()
+    start, as_guessed, said, truth = _begun(InitialGuess(wrong, None, None))
+    assert as_guessed is not refuted
+    begun_deg = np.degrees(Rotation.from_matrix(truth.R_imu_lidar.T @ start.R_imu_lidar).magnitude())
+    assert begun_deg == pytest.approx(0.0 if refuted else np.linalg.norm(off_deg), abs=0.3)
+    assert len(said) == refuted
+    for text in said:
+        assert text.startswith("warning start.guess_refuted ")
+        assert float(text.split("turned by ")[1].split(" deg")[0]) == pytest.approx(
+            float(np.linalg.norm(off_deg)), abs=0.5
+        )
+        assert "the other way round" not in text
+
+
+def test_a_rotation_written_the_other_way_round_is_called_that() -> None:
+    """Mutation: the inverse not asked."""
+    truth = _truth(replace(SCENARIO, mounting=(0.1, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5)))
+    track = _tracked(truth, 10.0, 30.0)
+    stamps, gyro, _ = _imu(truth, 5.0, 35.0, OFFSET_S)
+    said: list[str] = []
+    run = SimpleNamespace(
+        clocks=SimpleNamespace(imu_s=stamps),
+        recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=gyro)),
+        say=lambda level, code, text: said.append(text),
+    )
+    guess = InitialGuess(truth.R_imu_lidar.T, None, None)
+    found = rotation_start(track, stamps, gyro)
+    _, as_guessed = guided(run, track, found, guess)  # type: ignore[arg-type]
+    assert not as_guessed
+    (text,) = said
+    assert "it fits the other way round, as T_lidar_imu" in text
+
+
+def test_what_the_turning_leaves_open_is_the_guess_s() -> None:
+    """All turning about one axis: how the IMU is turned about it is for the guess to say. Nothing found: all of it is.
+
+    Mutations: asked all the same; the turn about the axis left open.
+    """
+    wrong = SCENARIOS["paper-normal"]
+    R = _truth(wrong).R_imu_lidar @ Rotation.from_rotvec([0.0, 0.0, 70.0], degrees=True).as_matrix()
+    start, as_guessed, said, _ = _begun(InitialGuess(R, None, None), one_axis=True)
+    assert (as_guessed, said, start.open_axis_imu) == (True, [], None)
+    np.testing.assert_array_equal(start.R_imu_lidar, R)
+    truth, track, _, _ = _world()
+    nothing, as_guessed = guided(SimpleNamespace(), track, [], InitialGuess(truth.R_imu_lidar, None, None))  # type: ignore[arg-type]
+    assert as_guessed
+    np.testing.assert_array_equal(nothing.R_imu_lidar, truth.R_imu_lidar)
+
+
+@pytest.mark.parametrize(
+    ("off_s", "held", "begun_off_s", "says"),
+    [(0.02, False, 0.02, 0), (0.5, False, 0.0, 1), (-0.7, False, 0.0, 1), (0.5, True, 0.5, 0)],
+)
+def test_a_time_offset_at_which_nothing_turns_alike(off_s: float, held: bool, begun_off_s: float, says: int) -> None:
+    """Mutations: begun with all the same; one that is held given up; the sign of how far it is off."""
+    start, _, said, _ = _begun(InitialGuess(None, None, round((OFFSET_S + off_s) * 1e9)), held=held)
+    assert start.time_offset_s == pytest.approx(OFFSET_S + begun_off_s, abs=3e-3)
+    assert len(said) == says
+    for text in said:
+        assert f"is {abs(off_s):.3g} s {'above' if off_s > 0 else 'below'} the one" in text.replace(
+            "0.501", "0.5"
+        ).replace("0.499", "0.5").replace("0.699", "0.7").replace("0.701", "0.7")
