@@ -20,6 +20,7 @@ from calib_core.full.initialise.linear import linear_start
 from calib_core.full.initialise.settings import SIGNS
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, turns_of
+from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.types import FloatArray, ImuData
 
 #: Degrees in a radian.
@@ -44,6 +45,17 @@ def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
     return (
         f"the gyroscope turns {found.ratio:.3g} times as fast as the lidar, so its readings are in another unit than was"
         f" taken; pass --gyroscope-unit {unit}"
+    )
+
+
+def gravity_complaint(imu: ImuData, gravity_m_s2: float) -> str:
+    """A clause where the accelerometer shows gravity in another unit than was taken: nearer to ten times it, or a tenth; else ""."""
+    ratio = float(np.median(np.linalg.norm(imu.accel_m_s2, axis=1))) / gravity_m_s2
+    if 1.0 < ratio * np.sqrt(STANDARD_GRAVITY_M_S2) and ratio < np.sqrt(STANDARD_GRAVITY_M_S2):
+        return ""
+    return (
+        f"the accelerometer shows {ratio:.3g} times gravity, so its readings are in another unit than was taken; pass "
+        f"--accelerometer-unit {'m_s2' if ratio > 1.0 else 'g'}"
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import mean_rate
-from calib_core.full.initialise.axis_signs import axis_complaint, unit_complaint
+from calib_core.full.initialise.axis_signs import axis_complaint, gravity_complaint, unit_complaint
 from calib_core.full.initialise.guided import guided
 from calib_core.full.initialise.linear import linear_start, linear_steps
 from calib_core.full.initialise.rotation import acceleration_start, rotation_start
@@ -35,6 +35,8 @@ def initialise(
     and level.
     """
     run.stage("initialise", 0.0, "time offset and rotation")
+    if complaint := gravity_complaint(run.recording.imu, run.settings.gravity.magnitude_m_s2):
+        raise Refused("imu.accelerometer_unit", complaint)
     require_measured_sweeps(run, motions)
     positions = np.array([m.position for m in motions])
     lidar = LidarTrack.of(motions, run.clocks.scan_s[positions], run.clocks.sweep_s[positions])

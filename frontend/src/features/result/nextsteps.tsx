@@ -50,7 +50,7 @@ export function firstStep(
   const about = (...starts: string[]) => codes.some((code) => starts.some((start) => code.startsWith(start)));
   if (unit !== null && about("imu.gyroscope_unit", "imu.accelerometer_unit")) return "unit";
   if (about("imu.axis_signs", "points.")) return "reading";
-  if (about("prior.")) return "settings"; // what was given has to be corrected, and all else was bent to fit it
+  if (about("prior.", "start.guess")) return "settings"; // what was given has to be corrected
   if (status === "weak" || about("motion.", "start.too_short")) return "record";
   if (about("planes.doubted")) return null; // it has a button of its own
   if (about("planes.", "solve.", "start.", "paper.")) return "planes";

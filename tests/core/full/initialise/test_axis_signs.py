@@ -25,6 +25,8 @@ BOTH = (1.0, 1.0, 1.0)
         (BOTH, (-1, -1, -1), "imu.axis_signs", "accelerometer's x, y and z axes"),
         ((180 / np.pi,) * 3, BOTH, "imu.gyroscope_unit", "pass --gyroscope-unit deg_s"),
         ((np.pi / 180,) * 3, BOTH, "imu.gyroscope_unit", "pass --gyroscope-unit rad_s"),
+        (BOTH, (9.80665,) * 3, "imu.accelerometer_unit", "pass --accelerometer-unit m_s2"),
+        (BOTH, (1 / 9.80665,) * 3, "imu.accelerometer_unit", "pass --accelerometer-unit g"),
     ],
 )
 def test_a_misread_imu_is_named(
