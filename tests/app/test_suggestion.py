@@ -32,6 +32,7 @@ def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(mo
     monkeypatch.setattr(doubtful_choice, "standings", lambda *_: [None] * 3)
     monkeypatch.setattr(doubtful_choice, "doubts", lambda _: np.zeros((3, 3)))
     monkeypatch.setattr(doubtful_choice, "is_mostly_bent", lambda _: False)
+    monkeypatch.setattr(doubtful_choice, "plane_residuals", lambda *_: [(0.01, 100)] * 3)
     for module in (doubt, doubtful_choice):
         monkeypatch.setattr(module, "fault_of", lambda _: "")
     run = SimpleNamespace(say=lambda level, code, text: heard.append(code))

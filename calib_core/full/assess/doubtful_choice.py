@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from calib_core.full.assess.settings import PLAUSIBLE
 from calib_core.full.joint.doubt import standings
 from calib_core.full.joint.estimation import Solved
+from calib_core.full.joint.residuals import plane_residuals
 from calib_core.full.planes.standing import WORDS, doubts, fault_of, is_mostly_bent
 from calib_core.full.run import Run
 
@@ -21,6 +23,15 @@ def say_doubtful_choice(run: Run, solved: Solved) -> None:
                 "warning",
                 "planes.doubted",
                 f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
+            )
+    points = [count for _, count in plane_residuals(solved.problem, solved.estimate)]
+    for plane, count in zip(solved.planes, points, strict=True):
+        if count < PLAUSIBLE.unseen_share * sum(points) and plane.chosen:
+            seen_by = f"{count} of {sum(points):,} points lie" if count else "no point lies"
+            run.say(
+                "warning",
+                "planes.unseen",
+                f"{seen_by} on {plane.name}: it counts for nothing, and may not be where it was put",
             )
     if is_mostly_bent(stand):
         run.say(

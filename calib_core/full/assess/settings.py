@@ -19,6 +19,8 @@ class Plausible:
     worst_chi2: float = 4.0
     #: judged: fewer points are no recording of planes. A single scan has more.
     fewest_points: int = 1000
+    #: derived: a plane with less than this share of the points moves nothing by a hundredth of what the others know.
+    unseen_share: float = 1e-4
     #: judged: 14 deg/s and a fifth of gravity, beyond the limits on sheets of all but the worst parts; no working IMU is
     #: off by more than this. What is, is refused with that reason.
     worst_gyro_bias_rad_s: float = 0.25

@@ -49,9 +49,9 @@ def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
 
 
 def gravity_complaint(imu: ImuData, gravity_m_s2: float) -> str:
-    """A clause where the accelerometer shows gravity in another unit than was taken: nearer to ten times it, or a tenth; else ""."""
+    """A clause where what the accelerometer shows is nearer to ten times gravity, or to a tenth of it, than to it; else ""."""
     ratio = float(np.median(np.linalg.norm(imu.accel_m_s2, axis=1))) / gravity_m_s2
-    if 1.0 < ratio * np.sqrt(STANDARD_GRAVITY_M_S2) and ratio < np.sqrt(STANDARD_GRAVITY_M_S2):
+    if ratio * np.sqrt(STANDARD_GRAVITY_M_S2) > 1.0 and ratio < np.sqrt(STANDARD_GRAVITY_M_S2):
         return ""
     return (
         f"the accelerometer shows {ratio:.3g} times gravity, so its readings are in another unit than was taken; pass "

@@ -35,8 +35,7 @@ def initialise(
     and level.
     """
     run.stage("initialise", 0.0, "time offset and rotation")
-    if complaint := gravity_complaint(run.recording.imu, run.settings.gravity.magnitude_m_s2):
-        raise Refused("imu.accelerometer_unit", complaint)
+    _require_gravity(run)
     require_measured_sweeps(run, motions)
     positions = np.array([m.position for m in motions])
     lidar = LidarTrack.of(motions, run.clocks.scan_s[positions], run.clocks.sweep_s[positions])
@@ -119,6 +118,12 @@ def _turns(run: Run, lidar: LidarTrack) -> bool:
     rates = mean_rate(imu_s, gyro_rad_s - np.median(gyro_rad_s, axis=0), imu_s, imu_s + width_s)
     shown = float(np.mean(np.sum(lidar.omega_rad_s**2, axis=1)))
     return min(shown, float(np.nanmean(rates**2))) > AGREEING.least_turning_rad_s**2
+
+
+def _require_gravity(run: Run) -> None:
+    """Raise Refused where what the accelerometer shows is gravity in another unit."""
+    if complaint := gravity_complaint(run.recording.imu, run.settings.gravity.magnitude_m_s2):
+        raise Refused("imu.accelerometer_unit", complaint)
 
 
 def _refuse_misread_imu(run: Run, lidar: LidarTrack, rotation: RotationStart, linear: LinearStart) -> None:

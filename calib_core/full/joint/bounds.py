@@ -5,6 +5,8 @@ Each ends in a refusal that says which quantity moved, and by how much in its ow
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from calib_core.errors import Refused
@@ -64,11 +66,13 @@ def require_solution(state: Estimation) -> None:
         raise Refused("solve.diverged", f"the joint solve found no stable answer; {_CURE}")
 
 
-def require_points(points: int) -> None:
-    """Raises Refused where a motion has left nothing of what the lidar saw on the planes."""
+def require_points(points: int, planes: Sequence[str]) -> None:
+    """Raises Refused where a motion has left nothing of what the lidar saw on the planes. planes: their names."""
     if points == 0:
         raise Refused(
-            "solve.diverged", f"no point lies on a plane any more by the motion that the solve has come to; {_CURE}"
+            "solve.diverged",
+            f"no point lies on {' or '.join(planes)} by the motion that the solve has come to: choose planes where the cloud "
+            "shows one, of what does not bend or move",
         )
 
 

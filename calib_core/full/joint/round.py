@@ -150,7 +150,7 @@ def descend(
     """
     data.laid_out.let_go()
     problem = gathered(data, state)
-    require_points(len(problem.bins.knot))
+    require_points(len(problem.bins.knot), [plane.name for plane in state.planes])
     problem = replace(problem, frozen=problem.frozen + also_frozen)
     run, names, number = data.run, [plane.name for plane in state.planes], state.rounds + 1
     count = state.iterations

@@ -69,9 +69,9 @@ def test_a_doubtful_plane_that_was_chosen_is_why_a_solve_does_not_rest(half: Hal
 
 def test_a_motion_on_which_no_point_lies_is_told_as_that() -> None:
     """Seen: a ship that rolls ended in an IndexError. Mutation: the number of scans asked for."""
-    require_points(1)
-    with pytest.raises(Refused, match="no point lies on a plane any more"):
-        require_points(0)
+    require_points(1, [])
+    with pytest.raises(Refused, match="no point lies on floor or wall 1 by the motion"):
+        require_points(0, ["floor", "wall 1"])
 
 
 def test_a_sensor_that_no_one_builds_is_told_as_that(half: Half) -> None:
