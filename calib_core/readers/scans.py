@@ -41,7 +41,7 @@ class _Scratch(threading.local):
     """One thread's columns, used again for every scan: fresh memory of this size costs more than what is done in it."""
 
     def __init__(self) -> None:
-        self._size = 0
+        self._size = -1  # a thread's first cloud may be one without a point
 
     def columns(self, n_points: int) -> _Columns:
         """Columns of n_points; what they hold is of an earlier scan."""

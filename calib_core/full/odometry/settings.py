@@ -298,9 +298,9 @@ class Pairs:
     #: more.
     step_rad: float = 0.2
     step_m: float = 0.2
-    #: judged: a turn told worse than this, or by less than this share of the points, is none. Fewer and better pairs, or
-    #: more and worse ones, give the same lag.
-    told_rad: float = 0.03
+    #: judged: a turn told worse than a track's poses may be, or by less than this share of the points, is none: in a lift's cabin
+    #: they are told to 0.045. Fewer and better pairs, or more and worse ones, give the same lag.
+    told_rad: float = 0.06
     told_share: float = 0.4
 
 

@@ -37,8 +37,10 @@ def scan_points(scan: Scan, field_of_view_deg: float | None = None) -> FloatArra
 def find_reference(
     scans: Sequence[Scan], settings: CalibrateSettings, *, should_cancel: ShouldCancel = never_cancel
 ) -> tuple[int, list[PlaneFit]]:
-    """Position of the first scan whose planes determine a pose, and its planes; the best seen where none does."""
-    best: tuple[float, int, list[PlaneFit]] = (-1.0, 0, [])
+    """Position of the first scan whose planes determine a pose, and its planes; where none does, of the scan whose planes face
+    most ways, and of those the one with most planes.
+    """
+    best: tuple[tuple[int, int], int, list[PlaneFit]] = ((-1, 0), 0, [])
     s = SEARCH
     candidates = list(range(min(s.first_scans, len(scans))))
     candidates += range(s.step_scans, len(scans), max(s.step_scans, len(scans) // s.scans))
@@ -46,12 +48,17 @@ def find_reference(
         if should_cancel():
             raise Cancelled("the search for planes was cancelled")
         fits = segment_planes(scan_points(scans[position], settings.field_of_view_deg), seed=settings.random_seed)
-        score = determinacy(np.array([f.normal for f in fits])) if len(fits) >= s.fewest_planes else 0.001 * len(fits)
-        if score > best[0]:
-            best = (score, position, fits)
-        if score >= s.least_determinacy:
+        ways = _ways_held(np.array([f.normal for f in fits]).reshape(-1, 3))
+        if (ways, len(fits)) > best[0]:
+            best = ((ways, len(fits)), position, fits)
+        if ways == 3:
             break
     return best[1], best[2]
+
+
+def _ways_held(normals: FloatArray) -> int:
+    """In how many directions planes of these normals (P, 3) hold a place, 0 to 3."""
+    return sum(determinacy(normals, open_ways) >= SEARCH.least_determinacy for open_ways in range(3))
 
 
 def no_planes(scans: Sequence[Scan]) -> Refused:

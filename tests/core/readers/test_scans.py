@@ -7,7 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from calib_core.readers.scans import MEMORY_BYTES, StoredScans
+from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.scans import MEMORY_BYTES, StoredScans, select_points
+from calib_core.readers.timing.point_time import PointTiming
 from calib_core.types import POINT_DTYPE, Scan
 
 
@@ -78,3 +80,14 @@ def test_beyond_the_limit_nothing_stays_in_memory() -> None:
     for scan in scans(40):
         stored.append(scan)
     assert stored._arrays == []
+
+
+def test_a_cloud_without_a_point_may_be_a_threads_first() -> None:
+    """As where a driver starts before its lidar spins: it stopped the program as a defect. Mutation: columns made for none."""
+    timing = PointTiming("time", "s", "header-first", low_ns=0.0, high_ns=1e8)
+    points = np.zeros(0, [("x", "f4"), ("y", "f4"), ("z", "f4"), ("time", "f4")])
+    cloud = RawCloud(10**18, 10**18, "lidar", points, 0, 1)
+    with ThreadPoolExecutor(1) as pool:
+        selection = pool.submit(select_points, cloud, timing, 0.3, 100.0).result()
+    assert selection.counts.sent == 0
+    assert selection.scan(0) is None

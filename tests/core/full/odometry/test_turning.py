@@ -131,3 +131,30 @@ def test_a_shaken_lidar_is_followed_where_it_is_known_how_it_turns() -> None:
     off_rad = (Rotation.from_matrix(true).inv() * Rotation.from_matrix(np.array([m.R for m in motions]))).magnitude()
     assert np.degrees(off_rad.max()) < 0.2
     assert np.linalg.norm([m.p for m in motions], axis=1).max() < 0.01
+
+
+def test_turns_in_a_lifts_cabin_are_told() -> None:
+    """Four walls a metre away, seen by a fan of 30 deg, neither floor nor ceiling: half a metre of wall tells how far the lidar tilts.
+    Oracle: the turns it was given. Seen: no pair was believed, and a lift refused. Mutation: told to 0.03 rad.
+    """
+    rng, halves_m = np.random.default_rng(2), np.array([1.1, 0.9, 50.0])
+    turns, scans = [], []
+    for k in range(8):
+        turn = Rotation.from_rotvec(rng.normal(0.0, np.radians(3.0), 3))
+        azimuth, elevation = np.meshgrid(
+            np.arange(450) * 2 * np.pi / 450, np.radians(np.linspace(-15.0, 15.0, 32)), indexing="ij"
+        )
+        rays = np.stack(
+            [np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), np.sin(elevation)], axis=-1
+        )
+        directions = turn.apply(rays.reshape(-1, 3))
+        reach_m = (halves_m / np.abs(directions)).min(axis=1) + rng.normal(0.0, 0.01, len(directions))
+        told = np.zeros(len(directions), POINT_DTYPE)
+        told["xyz"] = turn.inv().apply(directions * reach_m[:, None])
+        scans.append(Scan(k, _EPOCH_NS + k * _SWEEP_NS, told))
+        turns.append(turn)
+    found = pair_turns(scans)
+    assert found.first.tolist() == [0, 2, 4, 6]
+    for first, rotvec in zip(found.first.tolist(), found.rotvec_rad, strict=True):
+        off = (turns[first].inv() * turns[first + 1]).inv() * Rotation.from_rotvec(rotvec)
+        assert np.degrees(off.magnitude()) < 1.0

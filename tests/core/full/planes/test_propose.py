@@ -10,6 +10,7 @@ import pytest
 from calib_core.errors import Cancelled
 from calib_core.events import StageEvent
 from calib_core.full.odometry.reference_cloud import propose_planes
+from calib_core.full.planes import propose
 from calib_core.full.planes.propose import distinct, grow_plane, make_patch, no_planes, scan_points
 from calib_core.geometry import log, plane_axes
 from calib_core.planes.segment import PlaneFit
@@ -196,3 +197,31 @@ def test_a_door_proud_of_its_wall_is_no_plane_of_its_own() -> None:
         mine[end - len(s) : end] = True
         fits.append(PlaneFit(np.array([-1.0, 0.0, 0.0]), x, mine, 0.002))
     assert [f.offset_m for f in distinct(fits, cloud)] == [3.0, 2.6]
+
+
+@pytest.mark.parametrize(
+    ("normals", "chosen"),
+    [
+        # A scan of two planes that face one way, one of four that face two ways, and another.
+        ([[(1, 0, 0), (-1, 0, 0)], [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], [(1, 0, 0), (0, 1, 0)]], 1),
+        ([[(1, 0, 0), (0, 1, 0), (0, 0, 1)], [(1, 0, 0), (0, 1, 0), (0, 0, 1), (0, -1, 0)]], 0),
+        ([[(1, 0, 0), (0, 1, 0), (0, -1, 0)], [(1, 0, 0), (0, 1, 0), (0.1, 0, 0.9)]], 1),
+        ([[(1, 0, 0), (-1, 0, 0), (1, 0, 0)], [(1, 0, 0), (0, 1, 0)]], 1),
+        ([[], [(1, 0, 0)], []], 1),
+    ],
+)
+def test_the_reference_is_the_scan_whose_planes_face_most_ways(
+    monkeypatch: pytest.MonkeyPatch, normals: list[list[tuple[float, float, float]]], chosen: int
+) -> None:
+    """Seen: a rotor on its side between floor, ceiling and two walls, followed from a scan that saw floor and ceiling alone, and
+    refused. Mutations: their number before the ways; the last of equals.
+    """
+    fits = [
+        [PlaneFit(np.array(n) / np.linalg.norm(n), 1.0, np.ones(9, np.bool_), 0.01) for n in of_scan]
+        for of_scan in normals
+    ]
+    left = iter(fits)
+    monkeypatch.setattr(propose, "scan_points", lambda *_: None)
+    monkeypatch.setattr(propose, "segment_planes", lambda *_, **__: next(left))
+    position, found = propose.find_reference([None] * len(fits), CalibrateSettings())  # type: ignore[list-item]
+    assert (position, found) == (chosen, fits[chosen])
