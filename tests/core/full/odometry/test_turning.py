@@ -134,8 +134,8 @@ def test_a_shaken_lidar_is_followed_where_it_is_known_how_it_turns() -> None:
 
 
 def test_turns_in_a_lifts_cabin_are_told() -> None:
-    """Four walls a metre away, seen by a fan of 30 deg, neither floor nor ceiling: half a metre of wall tells how far the lidar tilts.
-    Oracle: the turns it was given. Seen: no pair was believed, and a lift refused. Mutation: told to 0.03 rad.
+    """Four walls a metre away, seen by a fan of 30 deg, neither floor nor ceiling: half a metre of wall tells its
+    tilt. Oracle: the turns it was given. Seen: no pair was believed, and a lift refused. Mutation: told to 0.03 rad.
     """
     rng, halves_m = np.random.default_rng(2), np.array([1.1, 0.9, 50.0])
     turns, scans = [], []
