@@ -24,7 +24,7 @@ from calib_core.full.prepare.clocks import FirstLook
 from calib_core.full.prepare.settings import SWEEPS
 from calib_core.full.run import LineStd
 from calib_core.imu.rows import LEAST, even_rows, lasting
-from calib_core.imu.sampling import usual_mean
+from calib_core.imu.sampling import mean_lateness, usual_mean
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, IntArray, KeptScans, Recording, Scan
 
@@ -34,7 +34,8 @@ class SweepTimes:
     """late_s: (M,) what each stamp is off the rotor's line, but for what they all are; 0 where the scan is on no line.
 
     jitter_s: root mean square of that.   most_s: largest.   mean_std_s: how well the mean over all stamps is known, which no
-    line takes away.   every_std_s: the same were there nothing but noise in it.   period_s: of a turn.
+    line takes away.   every_std_s: the same were there nothing but noise in it.   period_s: of a turn.   behind_s: how much the
+    mean stamp comes after the most punctual ones, where most of the lateness is to that side; 0 where it is to both.
     """
 
     late_s: FloatArray
@@ -43,6 +44,7 @@ class SweepTimes:
     mean_std_s: float
     every_std_s: float
     period_s: float
+    behind_s: float = 0.0
 
 
 class _Restamped(KeptScans):
@@ -74,6 +76,11 @@ def begun_evenly(
         f"the stamps of {topic} are off its rotor's turning by {1e3 * found.jitter_s:.2g} ms rms ({1e3 * found.most_s:.2g} ms at "
         f"most), as those of a host are: sweeps are taken as begun evenly, every {1e3 * found.period_s:.5g} ms"
     )
+    if found.behind_s > 0.0:
+        text += (
+            f"; the mean stamp comes {1e3 * found.behind_s:.2g} ms after the most punctual ones, which is part of the time "
+            "offset: of a driver without that delay it is so much smaller"
+        )
     on_event(LogEvent(level="info", code="lidar.sampling", text=text))
     stamps_ns = seen.stamps_ns - np.rint(1e9 * found.late_s).astype(np.int64)
     taken = replace(recording, scans=_Restamped(recording, stamps_ns))
@@ -119,6 +126,7 @@ def study_sweeps(seen: FirstLook) -> SweepTimes | None:
         mean_std_s=float(np.hypot(std, mean / np.sqrt(3.0))),
         every_std_s=std,
         period_s=period_s,
+        behind_s=mean_lateness(usual, mean),
     )
 
 

@@ -117,12 +117,12 @@ def _require_gravity(norm: float, stamps_ns: IntArray, accel: FloatArray, topic:
             code="imu.no_accelerations",
         )
     stays = _average(stamps_ns, accel)
-    if stays >= _LEAST_GRAVITY and norm <= _MOST_GRAVITY:
+    if stays >= _LEAST_GRAVITY and _LEAST_GRAVITY <= norm <= _MOST_GRAVITY:
         return
     found = (
-        f"their norm is {norm:.0f} at rest"
-        if norm > _MOST_GRAVITY
-        else f"they average to {stays:.2f} over {_GAINING_S:.0f} s"
+        f"they average to {stays:.2f} over {_GAINING_S:.0f} s"
+        if stays < _LEAST_GRAVITY
+        else f"their norm is {norm:.{0 if norm > _MOST_GRAVITY else 2}f} at rest"
     )
     raise InputError(
         f"The accelerations on {topic} do not show gravity: {found} where 9.8 (m/s²) or 1.0 (g) was expected; choose the topic of"

@@ -79,7 +79,7 @@ def _host(count: int = COUNT, seed: int = 7) -> IntArray:
 def test_a_hosts_stamps_are_put_on_the_rotors_line(way: float, begin_s: FloatArray, stagger_deg: float) -> None:
     """Their mean stays, which is part of the time offset; stalls do not count in it. Mutations: the rotor's sense; stamps
     alone instead of what the points tell (1.3 ms where drivers cut at packets); the late ones left where they are; a sweep taken
-    for a turn (0.4 ms where drivers cut by time).
+    for a turn (0.4 ms where drivers cut by time); how far the mean is behind not said, or with the stalls.
     """
     late = _host()
     said: list[Event] = []
@@ -96,6 +96,8 @@ def test_a_hosts_stamps_are_put_on_the_rotors_line(way: float, begin_s: FloatArr
     assert len(said) == 1
     assert isinstance(said[0], LogEvent)
     assert "the stamps of /points are off its rotor's turning by" in said[0].text
+    behind_ms = float(said[0].text.split("the mean stamp comes ")[1].split(" ms")[0])
+    assert behind_ms == pytest.approx(0.5, abs=0.15)
 
 
 def test_the_slope_of_a_line_through_a_hosts_stamps_is_known_as_well_as_is_said() -> None:
