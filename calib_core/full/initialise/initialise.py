@@ -12,6 +12,7 @@ from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, gravity_complaint, unit_complaint
 from calib_core.full.initialise.guided import guided
 from calib_core.full.initialise.linear import linear_start, linear_steps
+from calib_core.full.initialise.rigid import require_rigid
 from calib_core.full.initialise.rotation import acceleration_start, rotation_start
 from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.single_axis import turns_about, upright
@@ -77,6 +78,7 @@ def initialise(
     rotation, linear = chosen.rotation, chosen.linear
     if not is_turned_as_guessed:
         _refuse_misread_imu(run, lidar, max(candidates, key=lambda c: c.correlation), linear)
+    require_rigid(run, lidar, rotation.time_offset_s)
     steps = linear_steps(lidar, run.clocks.imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude)
     if steps.astray.any():
         linear = steps.start

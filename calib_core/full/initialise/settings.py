@@ -212,6 +212,31 @@ class Rotating:
 
 
 @dataclass(frozen=True, slots=True)
+class Rigid:
+    """Whether both sensors are fixed to one another."""
+
+    #: judged: turns over so much are compared: a track's noise is small beside it, and a gyroscope's drift is none yet. Only
+    #: which reason is told depends on it, and when.
+    span_s: float = 1.0
+    #: derived: over a gap of the track a span is longer; beyond this it is another thing.
+    longest: float = 1.5
+    #: derived: farther turns than this, 115 deg, may be taken for those the other way round.
+    most_rad: float = 2.0
+    #: measured on 38 recordings of an independent generator: sound tracks and gyroscopes turn alike to 0.05 to 1.3 deg in a
+    #: second, and to a fifteenth of what they turn; a lidar that a motor turns to and fro by 17 deg in seven seconds is off by
+    #: 5.9, a fifth of it. Below either nothing is said.
+    least_rad: float = 0.04
+    share: float = 0.12
+    #: derived: spans that overlap: those of five seconds tell a map of twelve numbers.
+    fewest: int = 50
+    #: derived: three medians are two sigma of a normal law; in so many passes what leapt has lost its weight. Below a hundredth
+    #: of a degree nothing is an outlier.
+    outlier_times: float = 3.0
+    passes: int = 5
+    least_left_rad: float = 2e-4
+
+
+@dataclass(frozen=True, slots=True)
 class Linear:
     """Gravity, lever arm and accelerometer bias."""
 
@@ -293,4 +318,4 @@ class Upright:
 
 
 LAGS, VECTORS, PROFILE, AGREEING, ROTATING = Lags(), Vectors(), Profile(), Agreeing(), Rotating()
-LINEAR, SIGNS, UPRIGHT, GUIDING = Linear(), Signs(), Upright(), Guiding()
+LINEAR, SIGNS, UPRIGHT, GUIDING, RIGID = Linear(), Signs(), Upright(), Guiding(), Rigid()
