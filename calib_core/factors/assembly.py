@@ -232,7 +232,6 @@ def bins_times_kernel(
     plane: IntArray,
     J: FloatArray,
     scatter: FloatArray,
-    along: FloatArray,
     calibration: FloatArray,
     planes: FloatArray,
     clock: FloatArray,
@@ -241,7 +240,7 @@ def bins_times_kernel(
 ) -> None:
     """Adds to out (K, 9, m) what bins as in `add_bins_kernel` say of their knots: J' M J of them times columns, and J' crossed.
 
-    along: (K, 9, m) of the knots, or (0, 9, m) for nothing.   calibration: (7, m).   planes: (P, 3, m).   clock: (1, m) of the
+    calibration: (7, m).   planes: (P, 3, m).   clock: (1, m) of the
     clocks' rate.   crossed: (B, 4, m) what the lasers' own parameters add to M J times columns.
     """
     count, width = out.shape[2], J.shape[2]
@@ -251,10 +250,6 @@ def bins_times_kernel(
         for i in range(4):
             row = response[i]
             row[:] = 0.0
-            if along.shape[0] > 0:
-                for r in range(9):
-                    for c in range(count):
-                        row[c] += J[b, i, r] * along[k, r, c]
             for r in range(7):
                 for c in range(count):
                     row[c] += J[b, i, 9 + r] * calibration[r, c]

@@ -145,7 +145,6 @@ def parameter_influences(
 def _responses(
     problem: JointProblem, estimate: Estimate, along: FloatArray, border: FloatArray, *, alone: bool
 ) -> _Responses:
-    along = along + problem.unseen(estimate).falls(border[GRAVITY])
     return _Responses(problem, estimate, problem.layout(estimate), along, border, alone)
 
 
@@ -164,13 +163,13 @@ def _of_links(of: _Responses) -> Influences:
         own = border[layout.nuisance()][places]
         gyro, accel = gyro + problem.sensors.gyro @ own, accel + problem.sensors.accel @ own
     changes = problem.bias_changes(estimate)
-    out = Influences.none(len(gyro), of.unknowns, alone=of.alone)
+    out, links = Influences.none(len(gyro), of.unknowns, alone=of.alone), problem.seen_links(estimate)
 
     def one(first: int) -> None:
         last = min(first + CHAIN.knots_at_once, len(gyro))
         some = slice(first, last)
         states = estimate.states.part(first, last + 1)
-        f = link_factors(problem.links.part(first, last), states, estimate.gravity, *(each[some] for each in changes))
+        f = link_factors(links.part(first, last), states, estimate.gravity, *(each[some] for each in changes))
         response = (
             f.r_D_first @ along[first:last]
             + f.r_D_second @ along[first + 1 : last + 1]

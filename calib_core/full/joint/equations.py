@@ -23,7 +23,7 @@ from calib_core.geometry import hat
 from calib_core.imu.preintegration import Links
 from calib_core.solver.system import ArrowPart
 from calib_core.threads import workers
-from calib_core.types import BoolArray, FloatArray
+from calib_core.types import FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,14 +112,6 @@ class JointEquations:
         """(K, 3) [rad/s] of the IMU at its knots."""
         return self.lidar.rates(self.estimate)
 
-    @cached_property
-    def _of_lidar(self) -> BoolArray:
-        """(S,) the shared columns that no link sees."""
-        seen = np.ones(self.shared, np.bool_)
-        seen[GRAVITY.start : self.layout.every_plane().start] = False
-        seen[self.layout.nuisance().start + self.sensors.imu_places] = False
-        return seen
-
     def part(self, first: int, last: int) -> ArrowPart:
         """Knots first..last (exclusive)."""
         # With a knot more on either side, for the links to it.
@@ -135,7 +127,7 @@ class JointEquations:
         if len(places):
             own = f.r_D_gyro_bias @ self.sensors.gyro[some] + f.r_D_accel_bias @ self.sensors.accel[some]
         add_links_kernel(
-            f.r_D_first, f.r_D_second, f.r_D_gravity @ self.unseen.seen, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
+            f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
             self.nodes.node[some] - node, self.nodes.fraction[some], width, GRAVITY.start,
             layout.nuisance().start + places, first - begin, diagonal, lower[1:], border, corner, gradient, gradient_shared,
         )  # fmt: skip
@@ -144,7 +136,6 @@ class JointEquations:
             corner, np.zeros((last - first, KNOT)), gradient_shared,
         )  # fmt: skip
         self.lidar.add_to(part, first, self.estimate, layout, self._rates)
-        self.unseen.let_fall(part, first, part.diagonal, part.gradient, self._of_lidar[part.columns])
         part.diagonal += diagonal[mine]
         part.gradient += gradient[mine]
         self.unseen.hold(part, first)
@@ -186,7 +177,7 @@ class JointEquations:
         if along is not None:
             r = r + _applied(f.r_D_first, along[some]) + _applied(f.r_D_second, along[first + 1 : end])
         gyro, accel = _pulled(f.r_D_gyro_bias, r), _pulled(f.r_D_accel_bias, r)
-        shared[GRAVITY] = self.unseen.seen @ _pulled(f.r_D_gravity, r).sum(axis=0)
+        shared[GRAVITY] = _pulled(f.r_D_gravity, r).sum(axis=0)
         shared[layout.gyro_bias()] = nodes.from_links(gyro).ravel()
         shared[layout.accel_bias()] = nodes.from_links(accel).ravel()
         places = layout.nuisance().start + self.sensors.imu_places
@@ -194,8 +185,6 @@ class JointEquations:
             shared[places] += np.einsum("lic,li->c", self.sensors.gyro[some], gyro, optimize=True)
             shared[places] += np.einsum("lic,li->c", self.sensors.accel[some], accel, optimize=True)
         of_lidar = self.lidar.pull(first, last, self.estimate, layout, self._rates, shared, along)
-        if self.unseen.everywhere.shape[1]:
-            shared[GRAVITY] += np.einsum("kia,ki->a", self.unseen.falls(np.eye(3), first, last), of_lidar)
         out[: last - first] = of_lidar
         out[: end - first - 1] += _pulled(f.r_D_first, r)
         out[1:] += _pulled(f.r_D_second, r)
@@ -228,11 +217,9 @@ class JointEquations:
             gyro, accel = gyro + self.sensors.gyro[some] @ own, accel + self.sensors.accel[some] @ own
         links_times_kernel(
             f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias,
-            self.unseen.seen @ shared[GRAVITY], gyro, accel, out,
+            shared[GRAVITY], gyro, accel, out,
         )  # fmt: skip
-        falling = self.unseen.everywhere.shape[1] > 0
-        along = self.unseen.falls(shared[GRAVITY], first, last) if falling else np.zeros((0, KNOT, m))
-        self.lidar.add_times(out, first, last, self.estimate, self.layout, self._rates, shared, along)
+        self.lidar.add_times(out, first, last, self.estimate, self.layout, self._rates, shared)
         return out
 
     def _links(self, first: int, last: int) -> LinkFactors:

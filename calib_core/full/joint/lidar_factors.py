@@ -89,10 +89,9 @@ class LidarFactors:
         layout: Layout,
         rates: FloatArray,
         shared: FloatArray,
-        along: FloatArray,
     ) -> None:
         """Adds to out (k, 9, m), of knots first..last (exclusive) and maybe more, what `add_to` has in their borders times
-        columns shared (S, m), and what the points tell of the knots themselves times along, (k, 9, m) or none at all."""
+        columns shared (S, m)."""
         mine = self.between(first, last)
         b, lasers, m = mine.bins, mine.bins.lasers, shared.shape[1]
         J = mine.bins_seen(estimate, rates)[1]
@@ -105,7 +104,7 @@ class LidarFactors:
             )
         clock = own[self.sensors.clock_place :][:1] if self.sensors.clock_place >= 0 else np.zeros((1, m))
         bins_times_kernel(
-            b.knot - first, b.plane, J, b.scatter, along, shared[:CALIBRATION],
+            b.knot - first, b.plane, J, b.scatter, shared[:CALIBRATION],
             shared[layout.every_plane()].reshape(-1, 3, m), clock, crossed, out,
         )  # fmt: skip
 

@@ -16,7 +16,7 @@ from calib_core.full.joint.lidar_factors import LidarFactors
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.sensors import SensorColumns
-from calib_core.full.joint.state import GRAVITY, BiasNodes, Bins, Estimate, Layout, no_bins
+from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout, no_bins
 from calib_core.full.joint.unseen import Unseen
 from calib_core.imu.preintegration import Links, NoiseDensity, UpsampledImu, preintegrate
 from calib_core.solver.arrow import ArrowSolution
@@ -81,18 +81,25 @@ class JointProblem:
 
     def cost(self, estimate: Estimate) -> float:
         """Half the sum of squares of everything."""
-        residual = link_residuals(self.links, estimate.states, estimate.gravity, *self.bias_changes(estimate))
+        residual = link_residuals(
+            self.seen_links(estimate), estimate.states, estimate.gravity, *self.bias_changes(estimate)
+        )
         lidar = self.lidar.cost(estimate)
         prior, _ = prior_rows(self.priors, self.nodes, estimate, self.layout(estimate))
         return 0.5 * float(np.sum(residual**2) + lidar + np.sum(prior**2))
 
     def moved(self, estimate: Estimate, solution: ArrowSolution) -> Estimate:
         """The estimate after a step."""
-        fallen = self.unseen(estimate).falls(solution.step_shared[GRAVITY])
-        return estimate.moved(solution.step + fallen, solution.step_shared, self.layout(estimate))
+        moved = estimate.moved(solution.step, solution.step_shared, self.layout(estimate))
+        carried = self.unseen(moved).carried(moved.states, self.links, moved.gravity, *self.bias_changes(moved))
+        return replace(moved, states=carried)
+
+    def seen_links(self, estimate: Estimate) -> Links:
+        """The links by what they have along directions that some plane sees."""
+        return self.unseen(estimate).without(self.links, estimate.states.R)
 
     def unseen(self, estimate: Estimate) -> Unseen:
-        """The directions that no plane sees, and how knots fall along them; none where velocity is held."""
+        """The directions that no plane sees; none where velocity is held."""
         unseen = Unseen.of(self.bins, estimate, self.readings, self.gauge_knot)
         return replace(unseen, runs=(), everywhere=np.zeros((3, 0))) if self.hold_velocity else unseen
 
@@ -100,10 +107,10 @@ class JointProblem:
         """The normal equations at an estimate."""
         layout, datum = self.layout(estimate), Datum(self.gauge_knot, self.hold_velocity, self.planes_hold_frame)
         prior = prior_rows(self.priors, self.nodes, estimate, layout)
-        changes = self.bias_changes(estimate)
+        changes, unseen = self.bias_changes(estimate), self.unseen(estimate)
         return JointEquations(
-            self.links, self.nodes, self.sensors, self.lidar, estimate, layout, *changes, prior, self.unseen(estimate), datum,
-            self.frozen,
+            unseen.without(self.links, estimate.states.R), self.nodes, self.sensors, self.lidar, estimate, layout, *changes,
+            prior, unseen, datum, self.frozen,
         )  # fmt: skip
 
     def bias_changes(self, estimate: Estimate) -> tuple[FloatArray, FloatArray]:

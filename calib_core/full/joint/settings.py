@@ -18,9 +18,9 @@ class Chain:
     loose_gauge: float = 1.0
     #: derived: (1 km)^-2 of every knot, a kilometre, a kilometre a second; velocity between two silences stays put.
     knot: float = 1e-6
-    #: derived: planes that all together tell a run's place along a direction to no better than a decimetre do not see it; its
-    #: velocity there, which no point and no link tells, is held to a centimetre a second. The sigmas of a corridor stay within
-    #: 3 % of what equations of more digits have; below a centimetre a second they would not change any more.
+    #: derived: planes that all together tell a run's place along a direction to no better than a decimetre do not see it: links
+    #: say nothing of it then, and knots are held along it, to a centimetre and a centimetre a second of where the readings have
+    #: them, which nobody feels.
     unseen: float = 1e2
     unseen_held: float = 1e4
     #: derived: of a magnitude g a part g_u across leaves g - g_u^2 / 2 g for the rest: where bias and scale of the accelerometer

@@ -16,11 +16,12 @@ import numpy as np
 import scipy
 
 from calib_core.factors.imu import link_factors
+from calib_core.full.joint.doubt import face_three_ways
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Round, Sampling, Tones
 from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.round import associate, coarse_stride, gate_of, one_round
+from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered, one_round
 from calib_core.full.joint.sensors import tone_values
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.tone_choice import Explaining, explaining
@@ -188,7 +189,10 @@ def found_tones(
 
 def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:
     """The score's periodogram where the state is now."""
-    return score_periodogram(problem_of(data, state), state.estimate, rules)
+    # What no plane sees is nothing that the links may be asked of, and their points tell what that is.
+    is_open = state.observations is not None and not face_three_ways(state.estimate.normals)
+    problem = gathered(data, state) if is_open else problem_of(data, state)
+    return score_periodogram(problem, state.estimate, rules)
 
 
 def loudest(data: JointData, state: Estimation, rules: Tones) -> float:
@@ -233,7 +237,7 @@ def with_tone(data: JointData, state: Estimation, hz: float, rules: Tones) -> Es
 
 def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -> Periodogram:
     """Of what the links pull at each of the readings' channels, tapered: a trend does not run into all frequencies."""
-    f = link_factors(problem.links, estimate.states, estimate.gravity, *problem.bias_changes(estimate))
+    f = link_factors(problem.seen_links(estimate), estimate.states, estimate.gravity, *problem.bias_changes(estimate))
     D = np.concatenate([f.r_D_gyro_bias, f.r_D_accel_bias], axis=2)
     score = np.einsum("lij,li->lj", D, f.residual)
     information = np.einsum("lij,lij->lj", D, D)

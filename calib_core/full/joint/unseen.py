@@ -1,14 +1,15 @@
-"""Directions that no plane sees, along which the motion has a freedom that no datum takes, and equations lose their digits.
+"""Directions that no plane sees, along which the motion has a freedom that no datum takes.
 
-Between two walls and on a floor, the way along them shows in no point. There the whole chain of knots may drift evenly and
-nothing changes, and where it falls as gravity does, gravity alone tells:
+Between two walls and on a floor, the way along them shows in no point. There links are free to be as they like: whatever they
+have of places and velocities along it, places and velocities follow. So those rows of theirs say nothing of anything else, and
+with them go all that would come of their round-off: a chain that hangs by nothing but its links, each of which knows a place
+ten thousand million times as well as points do, has none of its digits left for gravity, biases and the sensors' parameters
+after some thousand knots. Of links
 
-    p(t) -> p(t) + u (a + b t + c t^2 / 2),    v(t) -> v(t) + u (b + c t),    g -> g + c u,    u . n_j = 0 of all planes j
+    r_v = R0' (v1 - v0 - g h) - Dv,    r_p = R0' (p1 - p0 - v0 h - g h^2 / 2) - Dp
 
-What holds it otherwise, CHAIN.knot, is a ten-thousand-millionth of a millionth of what a link tells of a place. Round-off of the
-elimination then takes from gravity and the biases what was never there: answers within a millimetre were said to be known to a
-metre. So the drift is held at one knot, where nobody feels it, and the knots are counted from where gravity's own step along u
-lets them fall (t from that knot on): links do not feel such a step at all then, and need not cancel out.
+the parts along R0' u are left out, u . n_j = 0 of all planes j that the run sees, and what their noise has in common with the
+others': the others' own covariance stays. The knots are held along u, and carried along by the readings after each step.
 
 Of gravity's part along u its magnitude alone tells, and of a small one next to nothing: to be a thousandth of itself stronger
 across, gravity would have to lean by 0.4 m/s2, and within twenty seconds all drifts by 90 m, where walls that are not quite
@@ -17,32 +18,36 @@ parallel are left behind. It stays as it is, then.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.factors.imu import KNOT, PLACE, VELOCITY
+from calib_core.factors.imu import PLACE, VELOCITY, KnotStates
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import GRAVITY, Bins, Estimate
-from calib_core.imu.preintegration import UpsampledImu
+from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.system import ArrowPart
-from calib_core.types import BoolArray, FloatArray
+from calib_core.types import FloatArray
+
+#: Rows of a link's residual, before it is whitened.
+_OF_VELOCITY, _OF_PLACE = slice(3, 6), slice(6, 9)
 
 
 @dataclass(frozen=True, slots=True)
 class Unseen:
     """Of one chain. runs: of linked knots, first and after the last, each with its unseen directions (3, r), map axes.
-    everywhere: (3, r) those that no run sees.   since_s: (K,) after the gauge knot.
+    everywhere: (3, r) those that no run sees.   gauge_knot: from which its own run is carried along, as others from their first.
     """
 
     runs: tuple[tuple[int, int, FloatArray], ...]
     everywhere: FloatArray
     gauge_knot: int
-    since_s: FloatArray
 
     @staticmethod
     def of(bins: Bins, estimate: Estimate, readings: UpsampledImu, gauge_knot: int) -> Unseen:
-        """By how much the points of each plane tell of a place across it."""
+        """By how much the points of each plane tell of a place across it; nothing where there are no points at all."""
+        if not len(bins.knot):
+            return Unseen((), np.zeros((3, 0)), gauge_knot)
         weight = bins.scatter[:, 3, 3]
         breaks = (np.flatnonzero(~readings.linked) + 1).tolist()
         edges = np.array([0, *breaks, len(readings.knots_s)])
@@ -53,37 +58,59 @@ class Unseen:
             (int(first), int(last), _unseen(told, estimate.normals))
             for first, last, told in zip(edges, edges[1:], each, strict=False)
         )
-        since_s = readings.knots_s - readings.knots_s[gauge_knot]
-        return Unseen(runs, _unseen(each.sum(axis=0), estimate.normals), gauge_knot, since_s)
+        return Unseen(runs, _unseen(each.sum(axis=0), estimate.normals), gauge_knot)
 
     def hold(self, part: ArrowPart, start: int) -> None:
-        """Holds one knot of each run along what no plane sees in it; the gauge knot's place is held already.
-
-        start: the part's first knot.
-        """
+        """Holds all knots along what no plane sees in their run, but for the gauge knot's place: that moves with the lever arm,
+        as the lidar's is held. start: the part's first knot."""
         for first, last, free in self.runs:
-            ours = first <= self.gauge_knot < last
-            at = (self.gauge_knot if ours else first) - start
-            if not 0 <= at < len(part.diagonal):
-                continue
+            some = np.arange(max(first - start, 0), min(last - start, len(part.diagonal)))
             held = CHAIN.unseen_held * free @ free.T
-            part.diagonal[at, VELOCITY, VELOCITY] += held
-            if not ours:
-                part.diagonal[at, PLACE, PLACE] += held
+            part.diagonal[some, VELOCITY, VELOCITY] += held
+            part.diagonal[some[some != self.gauge_knot - start], PLACE, PLACE] += held
 
-    @property
-    def seen(self) -> FloatArray:
-        """(3, 3) takes from a vector what lies along the directions that are seen nowhere."""
-        return np.asarray(np.eye(3) - self.everywhere @ self.everywhere.T)
+    def without(self, links: Links, R: FloatArray) -> Links:
+        """The links without what they have of places and velocities along what no plane sees. R: (K, 3, 3) of their knots."""
+        open_runs = [(first, last, free) for first, last, free in self.runs if free.shape[1] and last - first > 1]
+        if not open_runs:
+            return links
+        sqrt_info = links.sqrt_info.copy()
+        for first, last, free in open_runs:
+            some = slice(first, last - 1)
+            own, along = sqrt_info[some], np.swapaxes(R[some], 1, 2) @ free
+            rows = np.concatenate([own[:, :, _OF_VELOCITY] @ along, own[:, :, _OF_PLACE] @ along], axis=2)
+            taken, _ = np.linalg.qr(rows)
+            left = own - taken @ (np.swapaxes(taken, 1, 2) @ own)
+            # Lower triangular again, as whitened residuals are made: any root of the information does.
+            _, upper = np.linalg.qr(left[:, :, ::-1])
+            sqrt_info[some] = upper[:, ::-1, ::-1]
+        return replace(links, sqrt_info=sqrt_info)
 
-    def falls(self, step: FloatArray, first: int = 0, last: int | None = None) -> FloatArray:
-        """(K, 9, ...) by how much the knots first..last (exclusive) follow a step (3, ...) of gravity, beside what is solved of
-        them."""
-        along, since_s = np.tensordot(self.everywhere @ self.everywhere.T, step, 1), self.since_s[first:last]
-        out = np.zeros((len(since_s), KNOT, *step.shape[1:]))
-        out[:, PLACE] = np.multiply.outer(0.5 * since_s**2, along)
-        out[:, VELOCITY] = np.multiply.outer(since_s, along)
-        return out
+    def carried(
+        self, states: KnotStates, links: Links, gravity: FloatArray, gyro_change: FloatArray, accel_change: FloatArray
+    ) -> KnotStates:
+        """Knots where the readings have them along what no plane sees. gravity: (3,) map.   *_change: (L, 3) of the biases."""
+        p, v = states.p.copy(), states.v.copy()
+        for first, last, free in self.runs:
+            if not free.shape[1] or last - first < 2:
+                continue
+            some, knots = slice(first, last - 1), slice(first, last)
+            at = self.gauge_knot - first if first <= self.gauge_knot < last else 0
+            dv, dp = (
+                D[some]
+                + (by_gyro[some] @ gyro_change[some, :, None] + by_accel[some] @ accel_change[some, :, None])[..., 0]
+                for D, by_gyro, by_accel in (
+                    (links.Dv, links.Dv_D_bg, links.Dv_D_ba),
+                    (links.Dp, links.Dp_D_bg, links.Dp_D_ba),
+                )
+            )
+            faster = _since(at, ((states.R[some] @ dv[..., None])[..., 0] + links.h_s * gravity) @ free)
+            velocity = v[first + at] @ free + faster
+            fallen = (states.R[some] @ dp[..., None])[..., 0] + 0.5 * links.h_s**2 * gravity
+            place = p[first + at] @ free + _since(at, fallen @ free + links.h_s * velocity[:-1])
+            p[knots] += (place - p[knots] @ free) @ free.T
+            v[knots] += (velocity - v[knots] @ free) @ free.T
+        return replace(states, p=p, v=v)
 
     def hold_level(self, corner: FloatArray, gravity: FloatArray) -> None:
         """Holds gravity, (3,) map, along what is seen nowhere in the shared corner (S, S), where that is nearly level."""
@@ -91,23 +118,11 @@ class Unseen:
         if np.linalg.norm(along @ gravity) < CHAIN.level_m_s2:
             corner[GRAVITY, GRAVITY] += CHAIN.gauge * along
 
-    def let_fall(
-        self, part: ArrowPart, start: int, diagonal: FloatArray, gradient: FloatArray, of_lidar: BoolArray
-    ) -> None:
-        """Has the knots of a part, from `start` on, counted from where gravity's step lets them fall.
 
-        diagonal, gradient: (k, 9, 9), (k, 9) what the points told of the knots by themselves.   of_lidar: (C,) of the part's
-        columns those that points alone see; links, which see the others, do not feel a fall.
-        """
-        if not self.everywhere.shape[1]:
-            return
-        T = self.falls(np.eye(3), start, start + len(diagonal))
-        part.border[:, :, GRAVITY] += diagonal @ T
-        across = np.einsum("kia,kic->ac", T, np.where(of_lidar, part.border, 0.0), optimize=True)
-        part.corner[GRAVITY] += across
-        part.corner[:, GRAVITY] += across.T
-        part.corner[GRAVITY, GRAVITY] += np.einsum("kia,kij,kjb->ab", T, diagonal, T)
-        part.gradient_shared[GRAVITY] += np.einsum("kia,ki->a", T, gradient)
+def _since(at: int, steps: FloatArray) -> FloatArray:
+    """(K, r) of knots, by steps (K - 1, r) between them, since one of them."""
+    gone = np.concatenate([np.zeros((1, steps.shape[1])), np.cumsum(steps, axis=0)])
+    return np.asarray(gone - gone[at])
 
 
 def _unseen(told: FloatArray, normals: FloatArray) -> FloatArray:

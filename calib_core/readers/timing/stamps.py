@@ -10,6 +10,11 @@ from calib_core.types import BoolArray, Evidence, Finding, IntArray
 MAX_DEVIATION_NS = 60_000_000_000
 #: Where more than this share deviates it is no damage but a clock that was set; then nothing is left out.
 MAX_SHARE = 0.05
+#: Fewer stamps tell nothing of a driver.
+FEWEST = 5
+#: Where no more than this share of the stamps is different, they stand still, or come in bundles; no driver keeps readings back
+#: for longer than a bundle.
+STANDING_SHARE, LONGEST_BUNDLE_NS = 0.1, 300_000_000
 
 
 def plausible_stamps(header_ns: IntArray, receive_ns: IntArray) -> BoolArray:
@@ -25,8 +30,16 @@ def plausible_stamps(header_ns: IntArray, receive_ns: IntArray) -> BoolArray:
 
 
 def never_set(header_ns: IntArray) -> bool:
-    """Whether the headers stand still: a driver that leaves them at zero, or at one instant."""
-    return header_ns.size >= 5 and np.unique(header_ns).size <= 0.1 * header_ns.size
+    """Whether the headers stand still: a driver that leaves them at zero, or at one instant, or at whole seconds.
+
+    Readings that a driver sends ten or twenty at once share a stamp, too, but that one goes on.
+    """
+    if header_ns.size < FEWEST:
+        return False
+    different = np.unique(header_ns)
+    if different.size > STANDING_SHARE * header_ns.size:
+        return False
+    return different.size < FEWEST or float(np.median(np.diff(different))) > LONGEST_BUNDLE_NS
 
 
 def unset_finding(topic: str) -> Finding:

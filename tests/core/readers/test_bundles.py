@@ -12,6 +12,7 @@ from calib_core.readers.imu.bundles import spread, told_apart
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.imu.repeats import as_sensed
+from calib_core.readers.timing.stamps import never_set
 from calib_core.settings import ReadSettings
 from calib_core.simulate import generate, parse_faults, simulate
 from calib_core.types import IntArray
@@ -223,3 +224,22 @@ def test_bundles_of_repeats_are_seen_beside_a_gap_and_losses(repeats: int, buffe
     as_stamped_ms = 1e-6 * (stamps_ns[there][fresh] - taken_ns[there][fresh])
     assert np.percentile(late_ms, 98.0) < 10.1
     assert np.std(late_ms) < 0.8 * np.std(as_stamped_ms)
+
+
+@pytest.mark.parametrize(
+    ("header_ns", "unset"),
+    [
+        (np.zeros(600, np.int64), True),
+        (np.full(600, 1_700_000_000_000_000_000), True),
+        (np.arange(600) // 100 * 1_000_000_000, True),  # whole seconds
+        (np.arange(600) // 10 * 50_000_000, False),
+        (np.arange(600) // 20 * 100_000_000, False),
+        (np.arange(600) * 5_000_000, False),
+        (np.zeros(3, np.int64), False),
+    ],
+)
+def test_readings_that_are_sent_ten_at_once_have_their_stamps(header_ns: IntArray, unset: bool) -> None:
+    """Seen: bundles of ten taken for headers that nobody set, and the recorder's latency for part of the time offset: 5.8 ms with
+    0.03 stated. Mutations: how many differ alone; whether they go on alone.
+    """
+    assert never_set(header_ns) is unset
