@@ -17,6 +17,7 @@ from calib_core.doctor.stamps import stamp_report
 from calib_core.doctor.stillness import StillSpan, still_spans
 from calib_core.events import ignore_event
 from calib_core.full.prepare.imu_stamps import as_taken
+from calib_core.imu.clipping import clipped
 from calib_core.pace import GAP_PERIODS
 from calib_core.presets import GENERIC_IMU, find_imu_preset
 from calib_core.settings import CalibrateSettings
@@ -24,10 +25,6 @@ from calib_core.types import BoolArray, FloatArray, ImuData, IntArray, Recording
 
 _REVERSAL_RAD_S = np.deg2rad(5.0)
 _SLOPE_S = 0.025
-
-#: The narrowest ranges that are sold: 125 deg/s (2.18 rad/s) and 2 g (19.6 m/s2); and a tenth for scale errors.
-_LEAST_GYRO_RANGE_RAD_S = 1.96
-_LEAST_ACCEL_RANGE_M_S2 = 17.6
 
 
 def imu_report(
@@ -78,31 +75,13 @@ def _gravity(imu: ImuData, spans: tuple[StillSpan, ...]) -> float:
 
 
 def _saturation(imu: ImuData) -> SaturationReport:
+    gyro_share, accel_share = clipped(imu)
     return SaturationReport(
         gyroscope_max_rad_s=float(np.abs(imu.gyro_rad_s).max()),
         accelerometer_max_m_s2=float(np.abs(imu.accel_m_s2).max()),
-        gyroscope_clipped_share=clipped_share(imu.gyro_rad_s, _LEAST_GYRO_RANGE_RAD_S),
-        accelerometer_clipped_share=clipped_share(imu.accel_m_s2, _LEAST_ACCEL_RANGE_M_S2),
+        gyroscope_clipped_share=gyro_share,
+        accelerometer_clipped_share=accel_share,
     )
-
-
-def clipped_share(channels: FloatArray, least_range: float = 0.0) -> float:
-    """Share of readings that stay within 0.01 % of an axis's extreme for three readings or more in a row.
-
-    A smooth peak leaves its summit at once; a clipped one is flat.   channels: (Q, 3).   least_range: in the same unit;
-    no sensor clips below it: readings that are alike there are coarse, or repeated by the driver.
-    """
-    worst = 0.0
-    for axis in range(3):
-        values = channels[:, axis]
-        for extreme in (values.max(), values.min()):
-            if abs(extreme) < least_range or abs(extreme) < 0.2 * np.abs(channels).max() or extreme == 0:
-                continue
-            at = np.abs(values - extreme) <= 1e-4 * abs(extreme)
-            edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
-            runs = np.diff(edges.reshape(-1, 2), axis=1)
-            worst = max(worst, float(runs[runs >= 3].sum()) / values.size)
-    return worst
 
 
 def excitation(imu: ImuData, spans: tuple[StillSpan, ...]) -> ExcitationReport:

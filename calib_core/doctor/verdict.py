@@ -14,6 +14,7 @@ from math import sqrt
 from calib_core.counts import counted, joined
 from calib_core.doctor.report import Forecast, ImuReport, LidarReport, ParameterForecast, PlanesReport, Verdict
 from calib_core.errors import InputError
+from calib_core.imu.clipping import clipped_text, worse_sensor
 from calib_core.result import AXIS_WORDS, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.types import Finding
 
@@ -27,7 +28,6 @@ STILL_ROTATION_DEG_S = 0.7
 STILL_ACCELERATION_M_S2 = 0.1
 WEAK_ROTATION_DEG_S = 5.0
 ADVISED_ROTATION_DEG_S = 10.0
-CLIPPED_SHARE = 5e-4
 #: Findings that limit a calibration by themselves; their own text is the reason.
 _LIMITING = frozenset(
     {
@@ -194,13 +194,10 @@ def _judge_imu(case: _Case, imu: ImuReport) -> None:
     if imu.stamps.rate_hz < MIN_RATE_HZ:
         case.limits.append(f"The IMU runs at {imu.stamps.rate_hz:.0f} Hz; 100 Hz or more is advised.")
         case.advice.append("Raise the IMU's rate to 100 Hz or more.")
-    clipped = max(imu.saturation.gyroscope_clipped_share, imu.saturation.accelerometer_clipped_share)
-    if clipped > CLIPPED_SHARE:
-        which = "gyroscope" if imu.saturation.gyroscope_clipped_share >= clipped else "accelerometer"
-        case.limits.append(
-            f"The {which} is clipped in {clipped:.2%} of its readings: motion there is not what it says."
-        )
-        case.advice.append(f"Move more gently, or widen the {which}'s range.")
+    shares = imu.saturation.gyroscope_clipped_share, imu.saturation.accelerometer_clipped_share
+    if text := clipped_text(shares):
+        case.limits.append(f"{text[0].upper()}{text[1:]}.")
+        case.advice.append(f"Move more gently, or widen the {worse_sensor(shares)}'s range.")
 
 
 def _judge_lidar(case: _Case, lidar: LidarReport) -> None:

@@ -18,6 +18,7 @@ from calib_core.full.prepare.nuisance import priors_of, sensor_block
 from calib_core.full.run import Run
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS, UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.result import Intrinsic
+from calib_core.sigmas import two_digits
 from calib_core.types import FloatArray
 
 _GROUPS = ("rotation", "translation", "the time offset")
@@ -110,11 +111,11 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
     if lasers := by["laser_elevation"]:
         most_deg = np.degrees(max(abs(p.value) for p in lasers))
         who = f"ring {lasers[0].name} points" if len(lasers) == 1 else f"{len(lasers)} lasers point up to"
-        text = f"{who} {most_deg:.2f} deg above or below where {'it' if len(lasers) == 1 else 'they'} should; {taken}"
+        text = f"{who} {two_digits(most_deg)} deg above or below where {'it' if len(lasers) == 1 else 'they'} should; {taken}"
         tell(lasers, "sensor.laser_elevation", text)
     if grazing := by["grazing"]:
         short_mm, how = grazing[0].value * 1e3, "short" if grazing[0].value > 0 else "long"
-        text = f"walls met slantwise read {how}, by {abs(short_mm):.1f} mm a metre at 45 deg; {ranges}"
+        text = f"walls met slantwise read {how}, by {two_digits(abs(short_mm))} mm a metre at 45 deg; {ranges}"
         tell(grazing, "sensor.grazing", text)
     for kind in ("gyroscope", "accelerometer"):
         if off := by[f"{kind}_scale"]:

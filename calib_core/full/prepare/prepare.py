@@ -18,6 +18,7 @@ from calib_core.full.prepare.sieve import Sieve, in_words, sieve_of
 from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
 from calib_core.full.run import Clocks, ImuNoiseLevel, Run, StampStep
 from calib_core.gp.training import fit_hyper
+from calib_core.imu.clipping import clipped, clipped_text
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.presets import find_imu_preset
 from calib_core.settings import CalibrateSettings, ImuNoise
@@ -66,6 +67,9 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
         sieve_std_s=0.0 if sieve is None else sieve.std_s,
     )
     imu = recording.imu
+    if text := clipped_text(clipped(imu)):
+        text += "; what is found of its scale, axes and delay may come of that: move more gently, or widen its range"
+        on_event(LogEvent(level="warning", code="imu.clipped", text=text))
     noise = _imu_noise(recording, settings, clocks, on_event)
     # A thread of its own, not one of the shared workers: it goes on for seconds.
     pool = ThreadPoolExecutor(1)

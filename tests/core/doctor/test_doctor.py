@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from calib_core.doctor import DoctorReport, inspect
-from calib_core.doctor.imu_report import clipped_share, excitation
+from calib_core.doctor.imu_report import excitation
 from calib_core.doctor.noise import measured_noise
 from calib_core.doctor.stillness import still_spans
+from calib_core.imu.clipping import clipped_share
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray, ImuData
 from tests.core.readers import build

@@ -31,7 +31,7 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             7e-4,
             True,
             "sensor.grazing",
-            "read short, by 0.7 mm a metre at 45 deg; ranges were corrected for it",
+            "read short, by 0.70 mm a metre at 45 deg; ranges were corrected for it",
         ),
         (
             "grazing",
@@ -40,6 +40,8 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             "sensor.grazing",
             "read long, by 2.0 mm a metre at 45 deg; ranges were not corrected",
         ),
+        ("grazing", 4e-5, True, "sensor.grazing", "read short, by 0.040 mm a metre"),
+        ("laser_elevation", np.radians(0.004), True, "sensor.laser_elevation", "ring 4 points 0.0040 deg above"),
         ("laser_range_offset", -0.009, True, "sensor.laser_range", "ring 4 reads 9 mm short"),
         ("accelerometer_delay", 2e-3, True, "sensor.delay", "the accelerometer is 2.00 ms behind the gyroscope"),
         (
@@ -55,7 +57,10 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
     ],
 )
 def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bool, code: str, text: str) -> None:
-    """And nothing of what is not. Mutations: short and long, gains and loses exchanged; said or corrected whether or not."""
+    """And nothing of what is not.
+
+    Mutations: short and long, gains and loses exchanged; said or corrected whether or not; what is small told as 0.0 mm.
+    """
     ((told, sentence),) = _sentences([_found(block, value)], corrected=corrected)
     assert told == code
     assert text in sentence
