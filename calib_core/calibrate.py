@@ -77,6 +77,7 @@ def calibrate(
         )
         _check_reference(whole, recording, settings, planes)
     aloud = heard.said_so_far()
+    planes = None if planes is None else [facing_the_lidar(plane) for plane in planes]
     question = Question(settings, planes, initial_guess, kept_in, heard, should_cancel)
     try:
         answer = _answer(recording, question)
@@ -95,6 +96,16 @@ def calibrate(
     said = with_doubts_settled(heard.messages) if not answer.is_weak else heard.messages
     result = document(recording, settings, answer, said, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)
+
+
+def facing_the_lidar(plane: Plane) -> Plane:
+    """The same plane, its normal of unit length and towards where it was seen from, the map's origin: either way round it is one.
+
+    Planes that are looked for face that way, and what faces another is none of theirs.
+    """
+    length = float(np.linalg.norm(plane.normal))
+    towards = length if plane.offset_m >= 0.0 else -length
+    return replace(plane, normal=plane.normal / towards, offset_m=plane.offset_m / towards)
 
 
 def with_doubts_settled(messages: Sequence[Message]) -> list[Message]:

@@ -99,3 +99,24 @@ def test_given_planes_priors_and_limits_are_used_as_given(noisy: tuple[Recording
         priors=(Prior(axis="tz", value=float(truth.p_imu_lidar[2]) + 2e-4, std=1e-6), offset),
     )
     _used_as_given(recording, truth, settings, offset_within_s=1e-7, normals_within=5e-3)
+
+
+def test_a_plane_is_the_same_either_way_round(noisy: tuple[Recording, Truth]) -> None:
+    """Seen: walls of a file whose normals point outwards, on which no point lay, and not a word. Oracle: the others' answer.
+
+    Mutations: as they were given; the normal turned round alone; the length left in.
+    """
+    recording, truth = noisy
+    settings = CalibrateSettings(intrinsics="off", crispness=False)
+    given = [replace(plane, suggested=False) for plane in truth.planes]
+    turned = [
+        replace(plane, normal=-1.001 * plane.normal, offset_m=-1.001 * plane.offset_m) if k % 2 else plane
+        for k, plane in enumerate(given)
+    ]
+    one, other = (calibrate(recording, settings, planes=planes).result for planes in (given, turned))
+    assert one.T_imu_lidar is not None
+    assert other.T_imu_lidar is not None
+    np.testing.assert_allclose(other.T_imu_lidar.matrix, one.T_imu_lidar.matrix, atol=1e-7)
+    for mine, theirs in zip(other.quality.planes, one.quality.planes, strict=True):
+        assert (mine.name, mine.points) == (theirs.name, theirs.points)
+        np.testing.assert_allclose(mine.normal, theirs.normal, atol=1e-7)
