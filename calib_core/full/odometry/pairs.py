@@ -47,7 +47,12 @@ def pair_turns(scans: Sequence[Scan], *, turning: Turning | None = None, seed: i
             first.append(position)
             turns.append(log(turn.R))
             stds.append(turn.std_rad)
-    return PairTurns(np.array(first, dtype=np.int64), np.array(turns, dtype=np.float64).reshape(-1, 3), np.array(stds))
+    std_rad = np.array(stds, dtype=np.float64)
+    told = std_rad < PAIRS.told_rad
+    if np.count_nonzero(told) < PAIRS.fewest:
+        told[:] = True
+    rotvec_rad = np.array(turns, dtype=np.float64).reshape(-1, 3)
+    return PairTurns(np.array(first, dtype=np.int64)[told], rotvec_rad[told], std_rad[told])
 
 
 def _turn(one: Scan, other: Scan, position: int, turning: Turning | None, seed: int) -> ScanMotion | None:
@@ -75,7 +80,7 @@ def _turn(one: Scan, other: Scan, position: int, turning: Turning | None, seed: 
         position=position + 1,
         scales_m=s.wide_scales_m,
     ).motion
-    told = motion.std_rad < PAIRS.told_rad and motion.share > PAIRS.told_share
+    told = motion.std_rad < PAIRS.told_at_least_rad and motion.share > PAIRS.told_share
     return motion if told else None
 
 

@@ -298,9 +298,12 @@ class Pairs:
     #: more.
     step_rad: float = 0.2
     step_m: float = 0.2
-    #: judged: a turn told worse than a track's poses may be, or by less than this share of the points, is none: in a lift's cabin
-    #: they are told to 0.045. Fewer and better pairs, or more and worse ones, give the same lag.
-    told_rad: float = 0.06
+    #: judged: a turn told worse than this, or by less than this share of the points, is none; in a lift's cabin turns are told to
+    #: 0.045, and where there are fewer better ones than this, those count that are told as well as a track's poses must be.
+    #: Where there are enough, worse ones spoil them: of stairs seen by a shaken lidar.
+    told_rad: float = 0.03
+    fewest: int = 30
+    told_at_least_rad: float = 0.06
     told_share: float = 0.4
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.full.odometry import pairs
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.track import track
@@ -158,3 +160,19 @@ def test_turns_in_a_lifts_cabin_are_told() -> None:
     for first, rotvec in zip(found.first.tolist(), found.rotvec_rad, strict=True):
         off = (turns[first].inv() * turns[first + 1]).inv() * Rotation.from_rotvec(rotvec)
         assert np.degrees(off.magnitude()) < 1.0
+
+
+@pytest.mark.parametrize(("well", "badly", "kept"), [(40, 40, 40), (20, 40, 60), (0, 10, 10)])
+def test_worse_pairs_count_where_better_ones_are_few(
+    monkeypatch: pytest.MonkeyPatch, well: int, badly: int, kept: int
+) -> None:
+    """Where there are enough, worse ones spoil lag and rotation: seen on stairs, by a shaken lidar.
+
+    Mutations: all; the better ones alone.
+    """
+    stds = [0.01] * well + [0.05] * badly
+    motions = iter([ScanMotion(0, np.eye(3), *[np.zeros(3)] * 3, std_rad=std) for std in stds])
+    monkeypatch.setattr(pairs, "_turn", lambda *_: next(motions))
+    scans = [Scan(k, k, np.zeros(0, POINT_DTYPE)) for k in range(2 * (well + badly))]
+    found = pairs.pair_turns(scans)
+    assert len(found.first) == len(found.rotvec_rad) == len(found.std_rad) == kept
