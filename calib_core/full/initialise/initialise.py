@@ -78,7 +78,7 @@ def initialise(
     rotation, linear = chosen.rotation, chosen.linear
     if not is_turned_as_guessed:
         _refuse_misread_imu(run, lidar, max(candidates, key=lambda c: c.correlation), linear)
-    require_rigid(run, lidar, rotation.time_offset_s)
+    require_rigid(run, lidar, rotation)
     steps = linear_steps(lidar, run.clocks.imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude)
     if steps.astray.any():
         linear = steps.start

@@ -13,20 +13,20 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.settings import RIGID
-from calib_core.full.initialise.start import LidarTrack
+from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray
 
 
-def require_rigid(run: Run, track: LidarTrack, time_offset_s: float) -> None:
-    """Raises Refused where the lidar turns against the IMU."""
+def require_rigid(run: Run, track: LidarTrack, rotation: RotationStart) -> None:
+    """Raises Refused where the lidar turns against the IMU. rotation: as the turning tells it."""
     imu = GyroTurns(run.clocks.imu_s, run.recording.imu.gyro_rad_s)
-    lidar_rad, imu_rad = turns_within(track, imu, time_offset_s)
+    lidar_rad, imu_rad = turns_within(track, imu, rotation.time_offset_s)
     if len(lidar_rad) < RIGID.fewest:
         return
-    left_rad, turned_rad = left_of(lidar_rad, imu_rad)
+    left_rad, turned_rad = left_of(lidar_rad, imu_rad, rotation.R_imu_lidar)
     if left_rad < max(RIGID.least_rad, RIGID.share * turned_rad):
         return
     raise Refused(
@@ -51,14 +51,17 @@ def turns_within(track: LidarTrack, imu: GyroTurns, time_offset_s: float) -> tup
     return lidar_rad[known], imu_rad[known]
 
 
-def left_of(lidar_rad: FloatArray, imu_rad: FloatArray) -> tuple[float, float]:
-    """What no linear map from the lidar's turns (N, 3) to the IMU's explains, and how much the lidar turns; medians [rad]."""
+def left_of(lidar_rad: FloatArray, imu_rad: FloatArray, R_imu_lidar: FloatArray) -> tuple[float, float]:
+    """What no linear map from the lidar's turns (N, 3) to the IMU's explains, and how much the lidar turns; medians [rad].
+
+    The map begins with a rotation, from which a track that leaps does not draw it.
+    """
     rows = np.column_stack([lidar_rad, np.ones(len(lidar_rad))])
-    weight = np.ones(len(rows))
-    left = np.zeros(len(rows))
+    off = imu_rad - lidar_rad @ R_imu_lidar.T
+    left = np.linalg.norm(off - np.median(off, axis=0), axis=1)
     for _ in range(RIGID.passes):
+        weight = 1.0 / (1.0 + (left / max(RIGID.outlier_times * float(np.median(left)), RIGID.least_left_rad)) ** 2)
         linear = np.linalg.lstsq(rows * weight[:, None], imu_rad * weight[:, None], rcond=None)[0]
         left = np.linalg.norm(imu_rad - rows @ linear, axis=1)
-        weight = 1.0 / (1.0 + (left / max(RIGID.outlier_times * float(np.median(left)), RIGID.least_left_rad)) ** 2)
     turned = np.linalg.norm(lidar_rad - np.mean(lidar_rad, axis=0), axis=1)
     return float(np.median(left)), float(np.median(turned))

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.rigid import left_of, require_rigid
-from calib_core.full.initialise.start import LidarTrack
+from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.types import FloatArray
 from tests.core.full.initialise.test_start import SCENARIO, _imu, _tracked, _truth
 
@@ -36,7 +36,8 @@ def _refused(turned_rad: FloatArray | None, *, gyro_scale: float = 1.0, leaps: i
         recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=gyro * gyro_scale)),
     )
     try:
-        require_rigid(run, replace(track, R=R), OFFSET_S)  # type: ignore[arg-type]
+        rotation = RotationStart(OFFSET_S, truth.R_imu_lidar, np.zeros(3), 0.1, 1.0, None)
+        require_rigid(run, replace(track, R=R), rotation)  # type: ignore[arg-type]
     except Refused as refused:
         return f"{refused.code}: {refused}"
     return ""
@@ -52,7 +53,7 @@ def _motor(most_deg: float, every_s: float) -> FloatArray:
 def test_sensors_that_are_fixed_are_let_through(scale: float, leaps: int) -> None:
     """A rotation between them, a bias, a scale of 2 %, a track that leaps by 30 deg five times, noise of 0.17 deg a scan.
 
-    Mutations: both taken for turned alike; no bias; the mean for the median.
+    Mutations: both taken for turned alike; no bias; the mean for the median; the map begun with all spans alike.
     """
     assert _refused(None, gyro_scale=scale, leaps=leaps) == ""
 
@@ -83,7 +84,7 @@ def test_what_is_left_is_what_no_map_explains() -> None:
     """
     rng = np.random.default_rng(5)
     lidar = rng.normal(0.0, 0.5, (4000, 3))
-    imu = lidar @ rng.normal(size=(3, 3)) + [0.1, -0.2, 0.3] + rng.normal(0.0, 0.02, (4000, 3))
-    left, turned = left_of(lidar, imu)
+    imu = lidar @ (np.eye(3) + 0.1 * rng.normal(size=(3, 3))) + [0.1, -0.2, 0.3] + rng.normal(0.0, 0.02, (4000, 3))
+    left, turned = left_of(lidar, imu, np.eye(3))
     assert left == pytest.approx(1.538 * 0.02, rel=0.05)
     assert turned == pytest.approx(1.538 * 0.5, rel=0.05)
