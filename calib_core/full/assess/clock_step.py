@@ -75,7 +75,9 @@ def clock_step(blocks: Sequence[TimeBlock], turning_rad_s: FloatArray | None = N
     How large it is a solve does not tell: biases and the clock's rate have taken up a part of it.
     """
     t, x, weight = _columns(blocks, turning_rad_s)
-    if len(t) < CLOCK_STEP.fewest_blocks or misfit(blocks, turning_rad_s) < CLOCK_STEP.misfit:
+    if len(t) < CLOCK_STEP.fewest_blocks or not np.all(np.abs(x) < CLOCK_STEP.most_s):
+        return None
+    if misfit(blocks, turning_rad_s) < CLOCK_STEP.misfit:
         return None
     line = np.stack([np.ones_like(t), t], axis=1)
     best: tuple[float, int] | None = None

@@ -110,6 +110,9 @@ class ClockSteps:
     #: derived: what stretches know of the time goes with the square of their turning, and with how they lie to the walls, which
     #: makes this factor either way; one that seems to know more for its turning than most by more than that has it of noise.
     most_told: float = 4.0
+    #: derived: a stretch that asks for more than this is no clock's, but arithmetic that has broken down: a solve ends within
+    #: a sweep of where it began.
+    most_s: float = 1.0
     #: judged: readings of so long are taken together to see a turning through their noise; hands turn to and fro slower.
     together_s: float = 0.05
 

@@ -67,6 +67,16 @@ def test_the_longer_side_of_a_step_is_kept(at: int, share: float) -> None:
     assert step.left_out_s in {(-np.inf, low), (high, np.inf)}
 
 
+def test_stretches_that_ask_for_what_no_clock_does_are_no_step() -> None:
+    """Seen: ten thousand seconds, where the arithmetic had broken down; half of the recording was left out.
+
+    Mutations: not asked; of one sign alone.
+    """
+    for beyond in (1.4e4, -3.0):
+        offsets = _noise(3) + np.where(np.arange(8) > 3, beyond, 0.0)
+        assert clock_step(_blocks(offsets)) is None
+
+
 def test_disagreement_that_no_step_explains_stays_what_it_is() -> None:
     """Mutation: any disagreement is a step."""
     offsets = 1e-3 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
