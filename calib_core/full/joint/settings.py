@@ -18,11 +18,11 @@ class Chain:
     loose_gauge: float = 1.0
     #: derived: (1 km)^-2 of every knot, a kilometre, a kilometre a second; velocity between two silences stays put.
     knot: float = 1e-6
-    #: derived: planes that all together tell a run's place along a direction to no better than three centimetres do not see it:
+    #: derived: planes that all together tell a run's place along a direction to no better than six centimetres do not see it:
     #: links say nothing of it then, and knots are held along it, to a centimetre and a centimetre a second of where the readings
-    #: have them, which nobody feels: ten metres off along it, walls of 1e10 are 3 mm off. Of a decimetre, a street of which
+    #: have them, which nobody feels: ten metres off along it, walls of 1e10 are 2 mm off. Of a decimetre, a street of which
     #: floors alone were left, seen to 7 cm across, had no digits left.
-    unseen: float = 1e3
+    unseen: float = 3e2
     unseen_held: float = 1e4
     #: derived: of a magnitude g a part g_u across leaves g - g_u^2 / 2 g for the rest: where bias and scale of the accelerometer
     #: are known to 0.05 m/s2, it tells nothing of a g_u below sqrt(2 * 9.81 * 0.05).
