@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.initialise.rotation import best_turns, fit_lags, left_by
+from calib_core.full.initialise.rotation import best_turns, fit_lags, is_worse, left_by
 from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.run import Run
@@ -41,7 +41,7 @@ def _at_offset(
         return replace(near[0] if near else base, time_offset_s=offset_s)
     turns, gyro, _ = best_turns(track, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
     there = fit_lags(turns, gyro, [(offset_s, 0.0)])
-    if there and not _is_worse(there[0].residual, base.residual):
+    if there and not is_worse(there[0].residual, base.residual):
         return replace(there[0], time_offset_s=offset_s)
     away_s = offset_s - base.time_offset_s
     run.say(
@@ -60,10 +60,10 @@ def _refuted(run: Run, track: LidarTrack, base: RotationStart, R_imu_lidar: np.n
     turns, gyro, _ = best_turns(track, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
     asked = np.stack([base.R_imu_lidar, R_imu_lidar, R_imu_lidar.T])
     own, given, inverse = left_by(turns, gyro, base.time_offset_s, asked).tolist()
-    if not _is_worse(given, own):
+    if not is_worse(given, own):
         return False
     away_deg = np.degrees(np.linalg.norm(log(base.R_imu_lidar.T @ R_imu_lidar)))
-    inverted = "" if _is_worse(inverse, own) else "; it fits the other way round, as T_lidar_imu"
+    inverted = "" if is_worse(inverse, own) else "; it fits the other way round, as T_lidar_imu"
     run.say(
         "warning",
         "start.guess_refuted",
@@ -71,8 +71,3 @@ def _refuted(run: Run, track: LidarTrack, base: RotationStart, R_imu_lidar: np.n
         f"alike{inverted}: the solve starts from the latter",
     )
     return True
-
-
-def _is_worse(left: float, best: float) -> bool:
-    """As of candidates of the turning."""
-    return left > max(ROTATING.worse_times * best, best + ROTATING.worse_share)

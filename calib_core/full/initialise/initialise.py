@@ -13,7 +13,7 @@ from calib_core.full.initialise.axis_signs import axis_complaint, gravity_compla
 from calib_core.full.initialise.guided import guided
 from calib_core.full.initialise.linear import linear_start, linear_steps
 from calib_core.full.initialise.rigid import require_rigid
-from calib_core.full.initialise.rotation import acceleration_start, rotation_start
+from calib_core.full.initialise.rotation import acceleration_start, is_worse, rotation_start
 from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
@@ -59,7 +59,7 @@ def initialise(
     trials: list[Start] = []
     best = min(candidate.residual for candidate in candidates)
     for candidate in candidates:
-        if candidate.residual > max(ROTATING.worse_times * best, best + ROTATING.worse_share):
+        if is_worse(candidate.residual, best):
             continue
         rotations = [candidate.R_imu_lidar]
         if candidate.open_axis_imu is not None:

@@ -47,6 +47,11 @@ def best_turns(
     return turns, gyro, lags
 
 
+def is_worse(left: float, best: float) -> bool:
+    """Whether a rotation that leaves so much is no candidate beside the best."""
+    return left > max(ROTATING.worse_times * best, best + ROTATING.worse_share)
+
+
 def left_by(turns: Turns, gyro: GyroTurns, offset_s: float, R_imu_lidar: FloatArray) -> FloatArray:
     """What each rotation (K, 3, 3) leaves of the turns at a lag, as `RotationStart.residual` has it. Turns that the first one
     leaves far off count little.
