@@ -37,7 +37,10 @@ class OwnAnswers:
 
 
 def own_answers(parts: Influences, joint: FloatArray) -> OwnAnswers:
-    """Of every part. joint: (7, 7) covariance, the priors' share included, in the parts' units; zero where held fixed."""
+    """Of every part. joint: (7, 7) covariance, the priors' share included, in the parts' units; zero where held fixed.
+
+    Raises ArithmeticError or LinAlgError where that comes to no number.
+    """
     count = joint.shape[0]
     free = np.flatnonzero(np.diag(joint) > 0.0)
     inverse = np.zeros((count, count))
@@ -45,7 +48,10 @@ def own_answers(parts: Influences, joint: FloatArray) -> OwnAnswers:
     information = inverse @ parts.allowed @ inverse
     information = 0.5 * (information + np.swapaxes(information, 1, 2)) + np.diag(STANDING**-2.0)
     own = np.array([covariance(each).matrix for each in information]).reshape(-1, count, count)
-    return OwnAnswers((own @ (parts.moved @ inverse)[..., None])[..., 0], own)
+    shift = (own @ (parts.moved @ inverse)[..., None])[..., 0]
+    if not (np.isfinite(shift).all() and np.isfinite(own).all()):
+        raise ArithmeticError("what parts of the recording answer is no number")
+    return OwnAnswers(shift, own)
 
 
 def parts_of(apart: Apart, estimate: Estimate, clocks: Clocks, rate_ppm: float, planes: Sequence[str]) -> Parts:

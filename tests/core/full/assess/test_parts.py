@@ -67,6 +67,17 @@ def test_a_part_answers_as_it_does_when_it_is_solved_alone() -> None:
         )
 
 
+@pytest.mark.parametrize("broken", [np.inf, np.nan])
+@pytest.mark.parametrize("what", ["moved", "allowed"])
+def test_what_comes_to_no_number_is_no_answer(what: str, broken: float) -> None:
+    """A result with a reason then (`solve.broke_down`), and no defect where the document is made. Mutation: not asked."""
+    _, covariance, pulls = _Linear(np.random.default_rng(0)).together()
+    spoilt = getattr(pulls, what).copy()
+    spoilt[2] = broken
+    with np.errstate(all="ignore"), pytest.raises((ArithmeticError, np.linalg.LinAlgError)):
+        own_answers(replace(pulls, **{what: spoilt}), covariance)
+
+
 def test_a_part_that_says_nothing_has_the_standing_prior_and_no_shift() -> None:
     """Also of a column held fixed. Mutations: without the standing prior; the joint covariance inverted whole."""
     joint = np.diag([1e-4] * 6 + [0.0])
