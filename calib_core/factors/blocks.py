@@ -73,7 +73,7 @@ class Weighing(NamedTuple):
     """What a hit's weight depends on beside itself: lidar_plane.LidarNoise and Gate.
 
     extra_stds: the extra width of a gate in standard deviations of what it makes room for.   farthest_m: no range beyond.
-    sieve_m: edge of the cells of which each left one point, 0 for none.
+    sieve_m: edge of the cells of which each left one point, 0 for none.   least_cosine: of the incidence at which one counts.
     """
 
     range_std_m: float
@@ -84,6 +84,7 @@ class Weighing(NamedTuple):
     extra_stds: float
     farthest_m: float
     sieve_m: float
+    least_cosine: float
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -204,15 +205,17 @@ def weight_of(
     extra_m: room in its plane's gate, below zero for none.   Where the ray meets the plane no nearer to the farthest range
     than noise reaches, of returns only those that read short are there: none is taken.
     """
-    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m, _ = weighing
+    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m, _, least_cosine = weighing
     variance = (range_std_m * cosine) ** 2 + surface_std_m**2
     std = math.sqrt(variance)
     room = sigmas * std + extra_m - abs(d)
     clear = ambiguous_m - (1.0 - RAMP) * margin_m
     range_m2, most_m = x * x + y * y + z * z, max(farthest_m - sigmas * range_std_m, 0.0)
-    counts = (extra_m >= 0.0) & (room > 0.0) & (clear > 0.0) & (range_m2 < most_m * most_m)
+    facing = -cosine - least_cosine
+    counts = (extra_m >= 0.0) & (room > 0.0) & (clear > 0.0) & (range_m2 < most_m * most_m) & (facing > 0.0)
     shortfall = max(1.0 - (d / (robust_sigmas * std + extra_m)) ** 2, 0.0)
     edge = min(room / (RAMP * std), 1.0)
+    edge *= min(facing / (RAMP * least_cosine), 1.0)
     if margin_m > 0.0:
         edge *= min(clear / (RAMP * margin_m), 1.0)
     far = min((most_m - math.sqrt(range_m2)) / (RAMP * range_std_m), 1.0)
@@ -223,11 +226,14 @@ def weight_of(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def weigh_block(S: FloatArray, n: int, slant: FloatArray, weighing: Weighing) -> None:
-    """WEIGHT of n hits, whose DISTANCE becomes what it would be without the surface's slant: (2,) LaserErrors.slant."""
-    incidence_m, grazing_rad = slant[0], slant[1]
+    """WEIGHT of n hits, whose DISTANCE becomes what it would be without the surface's slant.
+
+    slant: (P + 2,) of grazing [rad], and of the incidence of each seen plane and of none [m].
+    """
+    grazing_rad = slant[0]
     for i in range(n):
         x, y, z, cosine = S[HIT_X + i], S[HIT_Y + i], S[HIT_Z + i], S[COSINE + i]
-        d = S[DISTANCE + i] + incidence_m * (1.0 + cosine)
+        d = S[DISTANCE + i] + slant[1 + int(S[PLANE + i])] * (1.0 + cosine)
         if grazing_rad != 0.0:
             d -= grazing_rad * math.sqrt(x * x + y * y + z * z) * math.sqrt(max(1.0 - cosine * cosine, 0.0))
         S[DISTANCE + i] = d

@@ -95,7 +95,7 @@ def scan_moments(
     )
     if extents is not None:
         cells, inside = grids(poses, extents.normals), extents.inside
-    off = LaserErrors(none, none, none, none, 0.0) if errors is None or not errors.any() else errors
+    off = LaserErrors(none, none, none, none, none) if errors is None or not errors.any() else errors
     group, R, p, clusters = np.zeros(0, np.int64), np.zeros((0, 3, 3)), np.zeros((0, 3)), 0
     if groups is not None:
         group, clusters = groups.group, len(groups.middle) * n_planes * groups.lasers
@@ -104,7 +104,10 @@ def scan_moments(
     features, products = (1, 0) if groups is not None and groups.first_only else (FEATURES, clusters)
     cross, gram = np.zeros((clusters, features, 5)), np.zeros((products, PRODUCTS))
     of_cluster = np.zeros(clusters, np.int64)
-    slant = np.zeros(2) if errors is None else errors.slant()
+    # Planes that take no points, and no plane, the last, are met as if their material were nothing.
+    slant = np.zeros(len(normals) + 2)
+    if errors is not None:
+        slant[0], slant[1 : 1 + n_planes] = errors.grazing_rad, errors.incidence_m
     moments_kernel(
         points["xyz"], points["offset_ns"], points["ring"], off.table(), slant, seen,
         extra, weighing_of(noise, gate), cells, inside, scatter, count, told_apart, group, R, p, cross, gram, of_cluster,
@@ -142,7 +145,7 @@ def moments_kernel(
 
     Of the seen planes the first Q = len(extra_of_plane_m) take points.   off: of no laser where nothing is to be corrected.
     gram (0, 28): only ones are summed, cross (G Q L, 1, 5).
-    slant: (2,) LaserErrors.slant.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
+    slant: (P + 2,) as `weigh_block` has it.   inside: (Q, rows, columns), (0, ..) for everywhere.   told_apart: by `laser` (N,);
     else all are laser 0.   group: (S,), (0,) where the lidar is taken for ideal; R, p as in collapse_features_kernel.
     """
     n_planes, points = extra_of_plane_m.shape[0], xyz.shape[0]

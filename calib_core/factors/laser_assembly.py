@@ -54,7 +54,7 @@ def add_features_kernel(
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster.
 
     bins, laser: (B,), clusters of one bin in a row.   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the
-    bins.   cross: (B, F, 5).   column_of: (L, 13) shared columns, -1 for none.   change: (L, F) of the features' coefficients
+    bins.   cross: (B, F, 5).   column_of: (L, 14) shared columns, -1 for none.   change: (L, F) of the features' coefficients
     since the clusters were made.   gradient: (K, 9).
 
     What all clusters of a bin say of one column is the same four numbers times the bin's J. They are laid side by side first, a

@@ -7,7 +7,9 @@ elevation (signs: calib_core/intrinsics.py):
     range scale   f = c r      incidence  f = 1 - c          eccentricity  f = azimuth's, times sine and cosine of the azimuth
     grazing       f = -r sqrt(1 - c^2)
 
-and where walls are bent, by minus its share of each of the four heights of the surface that it lies between (patches.py).
+where walls are bent by minus its share of each of the four heights of the surface that it lies between (patches.py), and by the
+incidence's f once more for its plane's material: a range that is b longer on one wall is c b = b - (1 - c) b beside it, of which
+the wall's place takes the first.
 
 Beside the scatter matrix M of [x, 1, d] (factors/lidar_plane.py), what the normal equations ask for are first moments of the
 features with it, sum w f [x, 1, d]', and their own products, sum w f f', laser by laser: 104 numbers for a laser's points on a
@@ -17,7 +19,7 @@ plane within ten milliseconds, whatever their number. The blocks couple through 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -48,15 +50,15 @@ _LOOKED_UP = 32
 
 @dataclass(frozen=True, slots=True)
 class LaserErrors:
-    """Of each laser (L,): range_offset_m, range_scale, elevation_rad, azimuth_rad. Of all: incidence_m, eccentricity_rad (2,),
-    grazing_rad.
+    """Of each laser (L,): range_offset_m, range_scale, elevation_rad, azimuth_rad. Of each plane (P,): incidence_m, its
+    material's share included. Of all: eccentricity_rad (2,), grazing_rad.
     """
 
     range_offset_m: FloatArray
     range_scale: FloatArray
     elevation_rad: FloatArray
     azimuth_rad: FloatArray
-    incidence_m: float
+    incidence_m: FloatArray
     eccentricity_rad: FloatArray = field(default_factory=lambda: np.zeros(2))
     grazing_rad: float = 0.0
 
@@ -71,12 +73,14 @@ class LaserErrors:
         )
 
     def slant(self) -> FloatArray:
-        """(2,) incidence [m] and grazing [rad]: of what a point is off that depends on the surface it lies on."""
-        return np.array([self.incidence_m, self.grazing_rad])
+        """(1 + P,) grazing [rad], and incidence of each plane [m]: what a point is off by for the surface it lies on."""
+        return np.append(self.grazing_rad, self.incidence_m)
 
-    def straightened(self, d: FloatArray, cosine: FloatArray, x_hit: FloatArray) -> FloatArray:
-        """Distances (N,) as they would be without it. cosine: (N,) of the incidence, negative.   x_hit: (N, 3)."""
-        out = d + self.incidence_m * (1.0 + cosine)
+    def straightened(
+        self, d: FloatArray, cosine: FloatArray, x_hit: FloatArray, plane: IntArray | int = 0
+    ) -> FloatArray:
+        """Distances (N,) as they would be without it. cosine: (N,) of the incidence, negative.   x_hit: (N, 3).   plane: (N,)."""
+        out = d + self.incidence_m[plane] * (1.0 + cosine)
         depth_m = np.linalg.norm(x_hit, axis=1) * np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
         return np.asarray(out - self.grazing_rad * depth_m)
 
@@ -107,6 +111,10 @@ class LaserSums:
         some = np.flatnonzero(count)
         pair, of = np.divmod(some, lasers)
         return LaserSums(pair // n_planes, pair % n_planes, of, *_moments(cross, gram, some))
+
+    def by_plane(self, lasers: int, beyond: int) -> LaserSums:
+        """With planes told apart by "laser", too, from `beyond` on: below, squares between heights tell their plane."""
+        return replace(self, laser=np.where(self.laser >= beyond, self.laser + lasers * self.plane, self.laser))
 
     @staticmethod
     def joined(parts: list[LaserSums]) -> LaserSums:
@@ -292,7 +300,7 @@ def move_and_sum_features(
 
 
 def feature_changes(change: FloatArray, features: int) -> FloatArray:
-    """(L, F) what the coefficients of so many features change by, from the changes of the columns: (L, 13), or (L, 13, ..)."""
+    """(L, F) what the coefficients of so many features change by, from the changes of the columns: (L, 14), or (L, 14, ..)."""
     out = np.zeros((len(change), FEATURES + SHARES, *change.shape[2:]))
     for column, feature in enumerate(OF_COLUMN):
         out[:, feature] += SIGN[column] * change[:, column]
@@ -302,7 +310,7 @@ def feature_changes(change: FloatArray, features: int) -> FloatArray:
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray, plane: IntArray) -> FloatArray:
     """What changed parameters add to the sum of squares of each plane's points, (P,).
 
-    a: (Q, 5) of the bins.   change: (L, 13).   plane: (Q,) of the bins.
+    a: (Q, 5) of the bins.   change: (L, 14).   plane: (Q,) of the bins.
     """
     planes = int(plane.max(initial=-1)) + 1
     by_feature = feature_changes(change, factors.features)

@@ -38,12 +38,13 @@ PRODUCTS = len(OTHERS) * (len(OTHERS) + 1) // 2
 SHARES = 4
 MORE_PRODUCTS = SHARES * len(OTHERS) + SHARES * (SHARES + 1) // 2
 #: Columns of a cluster, the feature to whose coefficient each adds, and how much for a unit: the laser's offset, elevation,
-#: azimuth and scale, everybody's offset, incidence, sine and cosine, grazing; last the surface's heights about the points, which
-#: shorten distances.
+#: azimuth and scale, everybody's offset, incidence, sine and cosine, grazing; the surface's heights about the points, which
+#: shorten distances; last the plane's material, by the incidence.
 HEIGHT = 9
-COLUMNS = HEIGHT + SHARES
-OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6, 7, *range(FEATURES, FEATURES + SHARES)])
-SIGN = np.array([1.0] * HEIGHT + [-1.0] * SHARES)
+MATERIALS = HEIGHT + SHARES
+COLUMNS = MATERIALS + 1
+OF_COLUMN = np.array([0, 1, 2, 3, 0, 4, 5, 6, 7, *range(FEATURES, FEATURES + SHARES), INCIDENCE])
+SIGN = np.array([1.0] * HEIGHT + [-1.0] * SHARES + [1.0])
 
 
 class LaserTable(NamedTuple):

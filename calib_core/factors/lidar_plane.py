@@ -68,8 +68,10 @@ class Gate:
     """Which points count. sigmas: of the distance noise; extra_m: added for the uncertainty of the poses.
 
     margin_m: points whose ray meets another plane so near its hit are ambiguous.   robust_sigmas: scale of the
-    redescending weight.   min_cosine: of the incidence.   extra_of_plane_m: (P,) instead of extra_m; below zero a plane
-    takes no points.
+    redescending weight.   min_cosine: of the incidence at which a ray meets a plane at all, and least_cosine: at which that
+    counts. At 78 deg a beam's spot is five times as deep as wide, and what a range is off by beyond follows no law that all
+    lidars share (up to 20 cm: Laconte et al., arXiv 1810.01619).   extra_of_plane_m: (P,) instead of extra_m; below zero a
+    plane takes no points.
     """
 
     sigmas: float = 4.0
@@ -77,6 +79,7 @@ class Gate:
     margin_m: float = 0.08
     robust_sigmas: float = 8.0
     min_cosine: float = 0.1
+    least_cosine: float = 0.2
     extra_of_plane_m: FloatArray | None = None
 
 
@@ -244,6 +247,7 @@ def weighing_of(noise: LidarNoise, gate: Gate) -> Weighing:
         GATE_STDS,
         noise.farthest_m,
         noise.sieve_m,
+        gate.least_cosine,
     )
 
 

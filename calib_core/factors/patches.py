@@ -98,6 +98,11 @@ class SurfacePatches:
         numbers[some] = np.arange(int(some.sum()))
         return numbers, corners[some]
 
+    @cached_property
+    def square_planes(self) -> IntArray:
+        """(S,) the plane of each."""
+        return np.argwhere(self._squares[0] >= 0)[:, 0]
+
     @property
     def corners(self) -> IntArray:
         """(S, 4) the patches whose middles are the corners of each square between them, -1: none."""

@@ -126,7 +126,8 @@ def measure(
     reflectivity = scene.reflectivity[hits.surface]
     seen = _answers(lidar, hits, reflectivity)
     true_m = np.where(seen, hits.range_m, 0.0).reshape(shape)
-    range_m = deviations.published_ranges(true_m, hits.cos_incidence.reshape(shape)).reshape(-1)
+    of = hits.surface.reshape(shape).astype(np.int64)
+    range_m = deviations.published_ranges(true_m, hits.cos_incidence.reshape(shape), of).reshape(-1)
     range_m = range_m + lidar.range_std_m * noise
     surface = hits.surface
     if lidar.miss_probability:

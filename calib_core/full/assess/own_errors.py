@@ -53,7 +53,7 @@ def lasers_of(found: Mapping[tuple[str, str], float]) -> Lasers | None:
     offset, scale, elevation, azimuth = (
         np.array([found.get((block, str(laser)), 0.0) for laser in range(lasers)]) for block in blocks
     )
-    return Lasers(LaserErrors(offset + every, scale, elevation, azimuth, 0.0), bool(rings))
+    return Lasers(LaserErrors(offset + every, scale, elevation, azimuth, np.zeros(1)), bool(rings))
 
 
 def ideal_lasers(result: CalibrationResult) -> Lasers | None:
@@ -65,9 +65,12 @@ def ideal_lasers(result: CalibrationResult) -> Lasers | None:
     if lasers is None and not any((sine, cosine, incidence_m, grazing_rad)):
         return None
     nothing = np.zeros(1)
-    lasers = lasers or Lasers(LaserErrors(nothing, nothing, nothing, nothing, 0.0), told_apart=False)
+    lasers = lasers or Lasers(LaserErrors(nothing, nothing, nothing, nothing, nothing), told_apart=False)
     errors = replace(
-        lasers.errors, eccentricity_rad=np.array([sine, cosine]), incidence_m=incidence_m, grazing_rad=grazing_rad
+        lasers.errors,
+        eccentricity_rad=np.array([sine, cosine]),
+        incidence_m=np.array([incidence_m]),
+        grazing_rad=grazing_rad,
     )
     return replace(lasers, errors=errors)
 

@@ -10,6 +10,7 @@ from calib_core.full.assess.confidence import Confidence, confidence
 from calib_core.full.assess.doubtful_choice import say_doubtful_choice
 from calib_core.full.assess.given import PLANES
 from calib_core.full.assess.gyroscope import gyroscope_axes
+from calib_core.full.assess.materials import told_materials
 from calib_core.full.assess.observability import Knowledge, advice
 from calib_core.full.assess.parts import parts_of
 from calib_core.full.assess.plausibility import gravity_std, implausible
@@ -75,7 +76,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
     e, knowledge = solved.estimate, trust.knowledge
     sensors = sensor_findings(solved, trust.considered, trust.sensors_unexplained)
     counted = told_considered(sensors.parameters, knowledge.covariance)
-    cost = told_cost(run, solved, trust.considered)
+    told = (*sensors.sentences, *told_materials(solved), *counted, *told_cost(run, solved, trust.considered))
     imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
     rate = run.recording.imu.gyro_rad_s
     turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))
@@ -103,7 +104,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         trajectory=trajectory_of(run.clocks, solved),
         remarks=(
             *(Message(code="observability.weak", level="warning", text=d.text) for d in knowledge.weak),
-            *(Message(code=code, level="info", text=text) for code, text in (*sensors.sentences, *counted, *cost)),
+            *(Message(code=code, level="info", text=text) for code, text in told),
         ),
         intrinsics=sensors.parameters,
         imu_frame=sensors.imu_frame,

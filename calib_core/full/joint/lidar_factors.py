@@ -153,7 +153,7 @@ class LidarFactors:
         return replace(self, bins=bins)
 
     def _laser_columns(self, layout: Layout) -> IntArray:
-        """(L, 13) shared columns of each laser's parameters, -1 for none."""
+        """(L, 14) shared columns of each laser's parameters, -1 for none."""
         places = self.sensors.laser_places
         return np.where(places >= 0, layout.nuisance().start + places, -1)
 
@@ -186,7 +186,7 @@ class LidarFactors:
         return np.bincount(self.bins.lasers.bin, of_cluster, len(self.bins.plane)).astype(np.float64)
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
-        """(L, 13) of each laser's columns since the points were laid out."""
+        """(L, 14) of each laser's columns since the points were laid out."""
         change = np.append(estimate.nuisance - self.bins.nuisance, 0.0)  # the last is of what is not in play, -1
         return np.asarray(change[self.sensors.laser_places])
 

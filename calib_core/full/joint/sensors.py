@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from calib_core.factors.laser_features import LaserErrors
-from calib_core.factors.laser_kernels import COLUMNS, HEIGHT
-from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, SURFACE, TONE, Nuisance
+from calib_core.factors.laser_kernels import COLUMNS, HEIGHT, MATERIALS, SHARES
+from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, MATERIAL, SURFACE, TONE, Nuisance
 from calib_core.imu.intrinsics import ImuIntrinsics, bias_equivalents, corrected
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.imu.tones import PARAMETERS, attitudes, in_other_room, tone_columns, without_tone
@@ -22,7 +22,7 @@ class SensorColumns:
 
     imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
     links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
-    lidar's time at which it adds nothing.   laser_places: (lasers, 13), columns as in factors/laser_kernels.py.
+    lidar's time at which it adds nothing.   laser_places: (lasers, 14), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
@@ -75,8 +75,12 @@ def true_readings(readings: UpsampledImu, nuisance: Nuisance, values: FloatArray
     return ideal
 
 
-def laser_errors(nuisance: Nuisance, values: FloatArray) -> LaserErrors:
-    """The lidar's part of a vector (N,), laser by laser; where lasers are not told apart, of one that stands for all."""
+def laser_errors(nuisance: Nuisance, values: FloatArray, planes: int) -> LaserErrors:
+    """The lidar's part of a vector (N,), laser by laser; where lasers are not told apart, of one that stands for all.
+
+    planes: how many take points.
+    """
+    materials = nuisance.values(values, MATERIAL) if nuisance.materials else 0.0
     lasers = max(nuisance.lasers, 1)
     offset, elevation, azimuth, scale = (
         np.zeros(lasers) + (nuisance.values(values, block) if nuisance.start(block) >= 0 else 0.0)
@@ -88,7 +92,7 @@ def laser_errors(nuisance: Nuisance, values: FloatArray) -> LaserErrors:
         scale,
         elevation,
         azimuth,
-        float(nuisance.values(values, "incidence")[0]),
+        np.zeros(planes) + nuisance.values(values, "incidence") + materials,
         nuisance.values(values, "eccentricity"),
         float(nuisance.values(values, "grazing")[0]),
     )
@@ -138,9 +142,10 @@ def sensor_columns(
 
 
 def laser_places(nuisance: Nuisance) -> IntArray:
-    """(U, 13) of each laser's parameters, of everybody's, and of the heights about points; -1 for what is not in play.
+    """(U, 14) of each laser's parameters, of everybody's, of heights about points, of materials; -1 for what is not in play.
 
-    U: lasers, or each of these in each square between heights, and in none: square * lasers + laser.
+    U: lasers, or each of these in each square between heights, and in none: square * lasers + laser. Where materials are in play
+    what lies in no square is counted by planes: (squares + plane) * lasers + laser (`LaserSums.by_plane`).
     """
     lasers = max(nuisance.lasers, 1)
     places = np.full((lasers, COLUMNS), -1)
@@ -157,5 +162,11 @@ def laser_places(nuisance: Nuisance) -> IntArray:
         corners = nuisance.surface.corners
         places = np.tile(places, (len(corners) + 1, 1))
         heights = np.where(corners >= 0, nuisance.start(SURFACE) + corners, -1)
-        places[: len(corners) * lasers, HEIGHT:] = heights.repeat(lasers, axis=0)
+        places[: len(corners) * lasers, HEIGHT : HEIGHT + SHARES] = heights.repeat(lasers, axis=0)
+    if nuisance.materials:
+        beyond, planes = places[-lasers:], np.arange(nuisance.materials)
+        places = np.concatenate([places[:-lasers], np.tile(beyond, (len(planes), 1))])
+        if nuisance.surface is not None:
+            planes = np.concatenate([nuisance.surface.square_planes, planes])
+        places[:, MATERIALS] = nuisance.start(MATERIAL) + planes.repeat(lasers)
     return places

@@ -84,7 +84,7 @@ def estimate_further(run: Run, solved: Solved, schedule: Schedule) -> Solved:
     assert schedule.settling is not None
     sensors = nuisance_of(run.recording, run.settings, run.beyond_sheets)
     data = replace(solved.data, run=run, sensors=sensors)
-    state = replace(solved.state.with_priors_of(sensors), rounds=0)
+    state = admit_materials(data, replace(solved.state.with_priors_of(sensors), rounds=0))
     return at_rest(data, settle(data, state, schedule.settling, schedule.sampling), schedule)
 
 
@@ -272,7 +272,18 @@ def admit_sensors(data: JointData, state: Estimation) -> Estimation:
         return state
     nuisance = data.sensors.with_tones_of(state.nuisance)
     values = np.concatenate([np.zeros(data.sensors.size), state.estimate.nuisance])
-    return state.with_nuisance(nuisance, values)
+    return admit_materials(data, state.with_nuisance(nuisance, values))
+
+
+def admit_materials(data: JointData, state: Estimation) -> Estimation:
+    """And what each plane's material does to ranges: walls that are dark or let light in read long or short beside the others,
+    and lasers' angles would answer for it. The same state where that is known already, or the sensors are held.
+    """
+    nuisance, own = state.nuisance.with_materials(len(state.planes)), state.nuisance.sensors.size
+    more = nuisance.size - state.nuisance.size
+    if more == 0 or data.run.settings.intrinsics == "consider":
+        return state
+    return state.with_nuisance(nuisance, np.insert(state.estimate.nuisance, own, np.zeros(more)))
 
 
 def with_outlines(data: JointData, state: Estimation) -> Estimation:

@@ -119,7 +119,7 @@ class View:
         hits.plane[hits.plane >= len(e.normals)] = -1
         if errors is not None and errors.slant().any():
             on = hits.plane >= 0
-            hits.d[on] = errors.straightened(hits.d[on], hits.cosine[on], hits.x_hit[on])
+            hits.d[on] = errors.straightened(hits.d[on], hits.cosine[on], hits.x_hit[on], hits.plane[on])
         if self.nuisance.surface is not None:
             # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
             surface = self.nuisance.surface
@@ -132,7 +132,7 @@ class View:
         """The lidar's own parameters as they are thought to be now; None where it is taken for ideal."""
         if not self.nuisance.blocks:
             return None
-        return laser_errors(self.nuisance, self.estimate.nuisance)
+        return laser_errors(self.nuisance, self.estimate.nuisance, len(self.estimate.normals))
 
     def _corrected(self, points: PointArray, errors: LaserErrors | None) -> Float32Array:
         """Where points (N,) would lie were it not for their lasers' errors, (N, 3)."""
@@ -189,6 +189,9 @@ class View:
 
     def _of_groups(self, positions: Sequence[int], groups: LaserGroups, sums: LaserSums) -> LaserMicro:
         """Moments by groups of slices of scans in a row, each with its time and scan."""
+        if self.nuisance.materials:
+            beyond = 0 if self.nuisance.surface is None else len(self.nuisance.surface.corners) * groups.lasers
+            sums = sums.by_plane(groups.lasers, beyond)
         return LaserMicro(*self._instants(positions, groups.middle[sums.group]), sums)
 
     def whole_scans(

@@ -31,14 +31,17 @@ from calib_core.intrinsics import (
 )
 from calib_core.presets import find_imu_prior, find_lidar_prior
 from calib_core.settings import CalibrateSettings
-from calib_core.types import FloatArray, PointArray, Recording, Scan
+from calib_core.types import BoolArray, FloatArray, PointArray, Recording, Scan
 
 IMU_BLOCKS, LASER_BLOCKS, LIDAR_BLOCKS = blocks_of("imu"), blocks_of("laser"), blocks_of("lidar")
 #: Of the room, not of the sensors: how far patches of planes lie before them. Admitted where walls turn out to be bent.
 SURFACE: Literal["surface"] = "surface"
 #: Of the IMU's surroundings: shaking faster than it samples. Admitted where the lidar's motion contradicts the readings so.
 TONE: Literal["tone"] = "tone"
-AnyBlock = Block | Literal["surface", "tone"]
+#: Of the room, too: by how much each plane's material lengthens ranges, beside what all do. Admitted with the sensors.
+MATERIAL: Literal["material"] = "material"
+AnyBlock = Block | Literal["surface", "tone", "material"]
+_OF_NO_SENSOR = (MATERIAL, TONE, SURFACE)
 _TONE_NAMES = (
     *(
         f"{sensor} {axis} {part}{where}"
@@ -101,9 +104,7 @@ class Nuisance:
     def values(self, vector: FloatArray, block: AnyBlock) -> FloatArray:
         """A block's part of a vector (N,); zeros where it is not in play (lasers: none)."""
         place = self.places.get(block)
-        return (
-            np.zeros(0 if block in (SURFACE, TONE) else len(NAMES.get(block, ()))) if place is None else vector[place]
-        )
+        return np.zeros(0 if block in _OF_NO_SENSOR else len(NAMES.get(block, ()))) if place is None else vector[place]
 
     @property
     def patches(self) -> int:
@@ -114,7 +115,7 @@ class Nuisance:
     @property
     def sensors(self) -> Nuisance:
         """Without what is the room's, and what the IMU's surroundings do."""
-        return Nuisance(tuple(each for each in self.blocks if each.block not in (SURFACE, TONE)))
+        return Nuisance(tuple(each for each in self.blocks if each.block not in _OF_NO_SENSOR))
 
     @cached_property
     def whiteners(self) -> tuple[tuple[slice, FloatArray], ...]:
@@ -145,7 +146,38 @@ class Nuisance:
         block = NuisanceBlock(TONE, (*before.names, *names), np.concatenate([before.prior_std, std]))
         room = tuple(each for each in self.blocks if each.block == SURFACE)
         first = zero_s if not self.tones_hz else self.tones_zero_s
-        return Nuisance((*self.sensors.blocks, block, *room), self.surface, (*self.tones_hz, hz), first)
+        materials = tuple(each for each in self.blocks if each.block == MATERIAL)
+        return Nuisance((*self.sensors.blocks, *materials, block, *room), self.surface, (*self.tones_hz, hz), first)
+
+    def with_materials(self, planes: int) -> Nuisance:
+        """With what each of so many planes adds to the incidence, as much as that itself may be, after the sensors' own.
+
+        The same where the incidence is not in play, or they are already.
+        """
+        place = self.places.get("incidence")
+        if place is None or self.materials:
+            return self
+        block = NuisanceBlock(MATERIAL, tuple(map(str, range(planes))), np.repeat(self.prior_std[place], planes))
+        own = self.sensors.blocks
+        return replace(self, blocks=(*own, block, *self.blocks[len(own) :]))
+
+    def of_planes(self, keep: BoolArray, values: FloatArray) -> tuple[Nuisance, FloatArray]:
+        """Of some of the planes (P,) alone, and the values (N,) of those. The patches of surfaces have to be found anew."""
+        place = self.places.get(MATERIAL)
+        if place is None:
+            return self, values
+        kept = tuple(map(str, range(int(keep.sum()))))
+        blocks = [
+            replace(each, names=kept, prior_std=each.prior_std[keep]) if each.block == MATERIAL else each
+            for each in self.blocks
+        ]
+        return replace(self, blocks=tuple(blocks)), np.delete(values, place.start + np.flatnonzero(~keep))
+
+    @property
+    def materials(self) -> int:
+        """Planes whose material's own effect is unknown; 0 where it is not in play."""
+        place = self.places.get(MATERIAL)
+        return 0 if place is None else place.stop - place.start
 
     def with_tones_of(self, tones: Nuisance) -> Nuisance:
         """With those tones after all of these. tones: nothing but tones, as they are before the sensors' parameters come in."""
@@ -163,7 +195,7 @@ class Nuisance:
 
 def sensor_block(of: NuisanceBlock) -> Block:
     """The sensors' own block that this is: not the room's."""
-    if of.block == SURFACE or of.block == TONE:  # noqa: PLR1714  the type checker follows this
+    if of.block == SURFACE or of.block == TONE or of.block == MATERIAL:  # noqa: PLR1714  the type checker follows this
         raise ValueError(f"a {of.block} is no sensor's")
     return of.block
 

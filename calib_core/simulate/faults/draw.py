@@ -20,9 +20,13 @@ from calib_core.types import FloatArray
 
 #: Sizes of what has no prior, each usual. Eccentricity goes with the lasers' angles.
 _ECCENTRICITY_OF_ANGLES = 0.4
+#: More surfaces than any scene has.
+_MATERIALS = 1024
 _USUAL = {
     # 2 to 3 mrad is what data sheets call a spinning lidar's beam.
     "incidence": 0.003,
+    # As much as ranges of one wall may be off from head on to a slant (intrinsics.py).
+    "materials": 0.003,
     # MEMS data sheets: some 0.1 deg/s/g.
     "g-sensitivity": 1e-4,
     "low-pass": 40.0,
@@ -158,6 +162,9 @@ def _lidar(found: LidarDeviations, fault: Fault, draws: Draws) -> LidarDeviation
             changed = _lidar(changed, Fault("eccentricity", _ECCENTRICITY_OF_ANGLES * std, is_drawn=True), draws)
         case "range-offset":
             changed = replace(found, range_offset_m=draws.once(fault, prior.range_offset_std_m))
+        case "materials":
+            offsets_m = _usual(fault) * draws.rng(name).standard_normal(_MATERIALS)
+            changed = replace(found, surface_range_offset_m=tuple(offsets_m.tolist()))
         case "incidence":
             changed = replace(found, beam_divergence_rad=_usual(fault))
     return changed

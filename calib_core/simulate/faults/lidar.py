@@ -2,7 +2,7 @@
 
 Of the point that laser l returns from true range d at incidence angle i:
 
-    published range     = d (1 + scale_l) + offset_l + offset - 1/4 divergence d tan(i)
+    published range     = d (1 + scale_l) + offset_l + offset + offset of the surface - 1/4 divergence d tan(i)
     true elevation      = published elevation + elevation_l
     true azimuth        = published azimuth + azimuth_l + eccentricity sin(published azimuth + phase)
 
@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.simulate.patterns import Firings
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 
 Values = tuple[float, ...]
 
@@ -30,7 +30,10 @@ _STEEPEST_TANGENT = 20.0
 
 @dataclass(frozen=True, slots=True)
 class LidarDeviations:
-    """What sets one lidar apart from an ideal one. Tuples by channel in firing order, empty for none; see the module."""
+    """What sets one lidar apart from an ideal one. Tuples by channel in firing order, empty for none; see the module.
+
+    surface_range_offset_m: of each of a scene's surfaces instead.
+    """
 
     laser_range_offset_m: Values = ()
     laser_elevation_rad: Values = ()
@@ -38,6 +41,7 @@ class LidarDeviations:
     laser_range_scale: Values = ()
     range_offset_m: float = 0.0
     beam_divergence_rad: float = 0.0
+    surface_range_offset_m: Values = ()
     eccentricity_rad: float = 0.0
     eccentricity_phase_rad: float = 0.0
 
@@ -59,13 +63,15 @@ class LidarDeviations:
         directions = np.stack([level * np.cos(turned), level * np.sin(turned), np.sin(raised)])
         return replace(published, directions=directions)
 
-    def published_ranges(self, range_m: FloatArray, cos_incidence: FloatArray) -> FloatArray:
-        """What the lasers report. range_m: (C, K) true, finite.   cos_incidence: (C, K)."""
+    def published_ranges(self, range_m: FloatArray, cos_incidence: FloatArray, surface: IntArray) -> FloatArray:
+        """What the lasers report. range_m: (C, K) true, finite.   cos_incidence: (C, K).   surface: (C, K) that was hit."""
         published = range_m
         if self.laser_range_scale:
             published = published * (1.0 + np.asarray(self.laser_range_scale))
         if self.laser_range_offset_m:
             published = published + np.asarray(self.laser_range_offset_m)
+        if self.surface_range_offset_m:
+            published = published + np.asarray(self.surface_range_offset_m)[surface]
         if self.beam_divergence_rad:
             cosine = np.clip(cos_incidence, 1e-6, 1.0)
             tangent = np.minimum(np.sqrt(1.0 - cosine**2) / cosine, _STEEPEST_TANGENT)

@@ -44,6 +44,7 @@ FAULTS: dict[str, Kind] = {
     "laser-angles": Kind("rad", "laser-elevation and laser-azimuth, and 0.4 of the size as eccentricity"),
     "laser-scale": Kind("1", "each laser reads a share too long or too short"),
     "range-offset": Kind("m", "all lasers read long by the same amount"),
+    "materials": Kind("m", "each surface reads long or short by its own amount, for what it is made of"),
     "incidence": Kind("rad", "a beam of this divergence triggers early where it meets a surface slantwise"),
     "gyro-scale": Kind("1", "the gyroscope's axes scale"),
     "accel-scale": Kind("1", "the accelerometer's axes scale"),

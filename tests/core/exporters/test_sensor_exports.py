@@ -97,7 +97,7 @@ def test_a_driver_with_the_file_puts_points_where_the_correction_does() -> None:
         up = laser["vert_correction"]
         return r * np.array([np.cos(up) * np.cos(clockwise), -np.cos(up) * np.sin(clockwise), np.sin(up)])
 
-    errors = LaserErrors(offsets, np.zeros(16), elevations, azimuths, 0.0)
+    errors = LaserErrors(offsets, np.zeros(16), elevations, azimuths, np.zeros(1))
     ring = np.arange(16, dtype=np.uint16)
     shots = [(float(d), float(a)) for d, a in zip(rng.uniform(1, 20, 16), rng.uniform(0, 6, 16), strict=True)]
     seen = np.array([point(plain["lasers"][order[k]], *shots[k]) for k in ring], dtype=np.float32)

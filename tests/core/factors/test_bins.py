@@ -74,7 +74,7 @@ def _range_errors(
 
 
 def _collapsed_cost(hits: Hits, R: FloatArray, p: FloatArray, normals: FloatArray, offsets_m: FloatArray) -> float:
-    keep, _ = select(hits, NOISE, Gate(sigmas=1e9, margin_m=-1.0, robust_sigmas=1e9), None)
+    keep, _ = select(hits, NOISE, Gate(sigmas=1e9, margin_m=-1.0, robust_sigmas=1e9, least_cosine=0.0), None)
     bins = collapse(hits, keep, 1.0 / NOISE.distance_std_m(hits.cosine) ** 2, len(normals))
     a = _seen(R, p, normals, offsets_m)[bins.plane]
     return 0.5 * float(np.einsum("bi,bij,bj->", a, unpack(bins.scatter), a))
@@ -182,14 +182,15 @@ def test_field_of_view_keeps_azimuths() -> None:
 
 def test_selection_and_weights_point_by_point() -> None:
     """Fails when `extra_m` is left out of the gate or of the weight, or a margin is taken for a limit from above; when
-    the weight does not fall to zero at the gate, at the margin and where ranges end; when the range is that of the point.
+    the weight does not fall to zero at the gate, at the margin, where ranges end and where rays graze their plane; when the range
+    is that of the point.
 
     Twin: the rules of `Gate` and of `LidarNoise`, said once more in a loop.
     """
     scene = _scene(8, noise_m=0.06, n=4000)
     farthest_m = float(np.quantile(np.linalg.norm(scene.xyz, axis=1), 0.8))
     noise = LidarNoise(0.02, 0.005, farthest_m)
-    gate = Gate(sigmas=3.0, extra_m=0.01, margin_m=0.3, robust_sigmas=6.0)
+    gate = Gate(sigmas=3.0, extra_m=0.01, margin_m=0.3, robust_sigmas=6.0, least_cosine=0.4)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, NORMALS, OFFSETS_M, gate)
     cells = cells_of(hits, NORMALS)
     inside = np.zeros((3, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
@@ -197,20 +198,24 @@ def test_selection_and_weights_point_by_point() -> None:
     extents = PlaneExtents(NORMALS, inside)
     keep, weight = select(hits, noise, gate, extents)
     without, _ = select(hits, noise, gate, None)
-    edges, ends = set(), set()
+    edges, ends, grazing = set(), set(), set()
     for i in range(len(keep)):
         std = np.sqrt(0.02**2 * hits.cosine[i] ** 2 + 0.005**2)
         room, clear = 3.0 * std + 0.01 - abs(hits.d[i]), hits.ambiguous_m[i] - 0.225
         short = farthest_m - 3.0 * 0.02 - np.linalg.norm(hits.x_hit[i])
-        near = room > 0 and clear > 0 and short > 0
+        facing = -hits.cosine[i] - gate.least_cosine
+        near = room > 0 and clear > 0 and short > 0 and facing > 0
+        grazing.add(bool(room > 0 and clear > 0 and short > 0 and facing < 0))
         ends.add(bool(room > 0 and clear > 0 and 0 < short < 0.005))
         assert without[i] == near
         assert keep[i] == (near and cells[i, 0] < HALF_CELLS)
         u = hits.d[i] / (6.0 * std + 0.01)
-        edge = min(room / (0.25 * std), 1.0) * min(clear / 0.075, 1.0) * min(short / 0.005, 1.0)
+        edge = (
+            min(room / (0.25 * std), 1.0) * min(clear / 0.075, 1.0) * min(short / 0.005, 1.0) * min(facing / 0.1, 1.0)
+        )
         edges.add(bool(edge < 1.0))
         assert weight[i] == pytest.approx(edge * (1 - u**2) ** 2 / (std**2 + 0.0025**2) if near else 0.0)
-    assert edges == ends == {False, True}
+    assert edges == ends == grazing == {False, True}
     assert 0 < keep.sum() < without.sum() < len(keep)
 
 

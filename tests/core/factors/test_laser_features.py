@@ -20,6 +20,7 @@ from calib_core.factors.laser_features import (
     move_and_sum_features,
     numbered,
 )
+from calib_core.factors.laser_kernels import COLUMNS
 from calib_core.factors.lidar_plane import Gate, find_hits
 from calib_core.factors.patches import Between
 from calib_core.types import FloatArray
@@ -50,7 +51,7 @@ def _published(xyz: FloatArray, laser: np.ndarray, errors: LaserErrors) -> Float
 def _errors(rng: np.random.Generator) -> LaserErrors:
     return LaserErrors(
         0.01 * rng.normal(size=LASERS), 0.004 * rng.normal(size=LASERS), 0.002 * rng.normal(size=LASERS),
-        0.002 * rng.normal(size=LASERS), 0.0, 0.003 * rng.normal(size=2),
+        0.002 * rng.normal(size=LASERS), np.zeros(1), 0.003 * rng.normal(size=2),
     )  # fmt: skip
 
 
@@ -64,17 +65,19 @@ def test_points_come_back_from_what_a_wrong_lidar_publishes() -> None:
 
 
 def test_slant_is_taken_off_as_it_is_published() -> None:
-    """Points of a wall at 3 m, met at all angles: a range r falls short by grazing r tan(i), and long by incidence (1 / c - 1).
+    """Points of a wall at 3 m, met at all angles: a range r falls short by grazing r tan(i), and long by incidence (1 / c - 1),
+    which is the wall's own.
 
-    Mutations: grazing's sign; by the cosine instead of the sine; without the range.
+    Mutations: grazing's sign; by the cosine instead of the sine; without the range; the first wall's incidence for all.
     """
     angle = np.linspace(-1.2, 1.2, 41)
     true_m, c = 3.0 / np.cos(angle), np.cos(angle)
     none = [np.zeros(LASERS) for _ in range(4)]
-    errors = LaserErrors(*none, 0.004, np.zeros(2), 0.0007)
-    published_m = true_m + 0.004 * (1.0 / c - 1.0) - 0.0007 * true_m * np.tan(np.abs(angle))
+    incidence_m, wall = np.array([0.004, -0.002]), np.arange(41) % 2
+    errors = LaserErrors(*none, incidence_m, np.zeros(2), 0.0007)
+    published_m = true_m + incidence_m[wall] * (1.0 / c - 1.0) - 0.0007 * true_m * np.tan(np.abs(angle))
     hit = 3.0 / np.cos(angle)[:, None] * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(41)])
-    np.testing.assert_allclose(errors.straightened((3.0 - published_m * c), -c, hit), 0.0, atol=1e-12)
+    np.testing.assert_allclose(errors.straightened((3.0 - published_m * c), -c, hit, wall), 0.0, atol=1e-12)
 
 
 def test_points_of_no_known_laser_stay_as_they_are() -> None:
@@ -100,7 +103,7 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
             parts[(0, 2, 3, 1)[column]] += parameter
         elif column in (5, 6):
             off_axis[column - 5] = parameter
-        moved = LaserErrors(*parts, 0.0, off_axis).corrected(scene.xyz, laser)
+        moved = LaserErrors(*parts, np.zeros(1), off_axis).corrected(scene.xyz, laser)
         return find_hits(moved, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, gate)
 
     size = 1e-3
@@ -108,7 +111,8 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
     same = (forth.plane == back.plane) & (forth.plane == here.plane) & (here.plane >= 0)
     numerical = (forth.d - back.d) / (2 * size)
     if column in (4, 7):
-        unit = LaserErrors(*(np.zeros(LASERS) for _ in range(4)), *((1.0,) if column == 4 else (0.0, np.zeros(2), 1.0)))
+        own = (np.ones(1),) if column == 4 else (np.zeros(1), np.zeros(2), 1.0)
+        unit = LaserErrors(*(np.zeros(LASERS) for _ in range(4)), *own)
         numerical = unit.straightened(here.d, here.cosine, here.x_hit) - here.d
     for laser_of in range(LASERS):
         some = same & (laser == laser_of)
@@ -148,7 +152,7 @@ def test_sine_and_cosine_of_small_angles(angle_rad: float) -> None:
 def test_a_laser_that_looks_far_aside_is_turned_back() -> None:
     """By a radian, beside one that is turned by a milliradian. Mutation: the series for any angle."""
     none = np.zeros(2)
-    errors = LaserErrors(none, none, none, np.array([1.0, 1e-3]), 0.0)
+    errors = LaserErrors(none, none, none, np.array([1.0, 1e-3]), np.zeros(1))
     rng = np.random.default_rng(8)
     xyz, laser = rng.normal(size=(200, 3)).astype(np.float32), rng.integers(0, 2, 200).astype(np.uint16)
     turned = np.array([1.0, 1e-3])[laser]
@@ -185,18 +189,18 @@ def test_moments_are_those_of_the_points_and_move_with_them() -> None:
 
 
 def test_changed_parameters_add_what_their_points_say() -> None:
-    """Mutation: the cross term once instead of twice."""
+    """Mutations: the cross term once instead of twice; a plane's material not added to the incidence."""
     rng = np.random.default_rng(5)
     y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 8))
     one = np.zeros(1, np.int64)
     factors = LaserFactors.made(one, one + 1, (f.T @ y)[None], triangle(f.T @ f)[None], one, one)
-    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, 13))
+    a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, COLUMNS))
     moved = feature_changes(change, 8)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
     assert features_squares(factors, a, change, one)[0] == pytest.approx(after @ after - before @ before)
-    expected = np.array([change[1, 0] + change[1, 4], *change[1, 1:4], *change[1, 5:9]])
+    expected = np.array([change[1, 0] + change[1, 4], *change[1, 1:4], change[1, 5] + change[1, 13], *change[1, 6:9]])
     np.testing.assert_allclose(moved, expected)
-    np.testing.assert_allclose(feature_changes(change, 12)[1], [*expected, *-change[1, 9:]])
+    np.testing.assert_allclose(feature_changes(change, 12)[1], [*expected, *-change[1, 9:13]])
 
 
 def test_many_clusters_add_what_all_their_points_say_and_moments_move_with_their_hits() -> None:
@@ -214,7 +218,7 @@ def test_many_clusters_add_what_all_their_points_say_and_moments_move_with_their
     gram = triangle(np.einsum("bpf,bpe->bfe", f, f)).astype(np.float32)
     every = np.arange(11)
     factors = LaserFactors.made(every, laser, cross, gram, every, plane)
-    a, change = rng.normal(size=(11, 5)), rng.normal(size=(2, 13))
+    a, change = rng.normal(size=(11, 5)), rng.normal(size=(2, COLUMNS))
     moved = feature_changes(change, 8)[laser]
     before = np.einsum("bpc,bc->bp", y, a)
     after = before + np.einsum("bpf,bf->bp", f, moved)
@@ -284,7 +288,7 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
     laser, bins_ = np.concatenate([np.sort(w) for w in which]), np.repeat(np.arange(4), 4)
     planes_start, clock = 12, 12 + 3 * planes
     first = clock + 2  # one column that is nobody's of these
-    column_of = np.full((lasers, 13), -1)
+    column_of = np.full((lasers, COLUMNS), -1)
     column_of[:, 0], column_of[:, 1] = first + np.arange(lasers), first + lasers + np.arange(lasers)
     column_of[2, 1] = -1
     column_of[:, 4], column_of[:, 5] = first + 2 * lasers, first + 2 * lasers + 1
@@ -295,7 +299,9 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
     size = first + 2 * lasers + 6
     J, a = rng.normal(size=(4, 4, width)), rng.normal(size=(4, 5))
     cross, change = rng.normal(size=(len(bins_), 12, 5)), rng.normal(size=(lasers, 12))
-    coefficients = np.stack([feature_changes(column, 12) for column in np.eye(13)[:, None].repeat(lasers, 1)], axis=-1)
+    coefficients = np.stack(
+        [feature_changes(column, 12) for column in np.eye(COLUMNS)[:, None].repeat(lasers, 1)], axis=-1
+    )
     border, gradient = np.zeros((knots, 9, size)), np.zeros((knots, 9))
     corner, shared = np.zeros((size, size)), np.zeros(size)
     untouched = np.delete(np.arange(size), np.unique(column_of[column_of >= 0]))

@@ -152,7 +152,7 @@ def test_a_wall_gets_thinner_by_what_the_other_says(walls: dict[str, Wall], told
     offsets, wall = offsets_of(walls[told]), walls[thinned]
     used = offsets.seen & offsets_of(wall).seen
     zero = np.zeros(LASERS)
-    corrected = LaserErrors(offsets.value_m[:LASERS], zero, zero, zero, 0.0).corrected(wall.xyz, wall.ring)
+    corrected = LaserErrors(offsets.value_m[:LASERS], zero, zero, zero, np.zeros(1)).corrected(wall.xyz, wall.ring)
     before_m, after_m = thickness_m(wall, wall.xyz, used), thickness_m(wall, corrected, used)
     assert after_m < 0.9 * before_m
 

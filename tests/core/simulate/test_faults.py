@@ -110,6 +110,23 @@ def test_a_laser_is_off_by_the_offset_of_its_number(lidar: Lidar) -> None:
     np.testing.assert_allclose(longer, expected, atol=2e-6 if lidar is not OS1_64 else 2e-5)
 
 
+def test_a_surface_reads_long_by_its_own_offset_from_wherever_it_is_met() -> None:
+    """A still room twice: each wall's ranges differ by one number, and no two walls' by the same. Mutations: times the cosine;
+    the offset of the surface before; the same for all."""
+    exact, faulty = made("", STATIC), made("materials=5mm", STATIC)
+    a, b = exact.sweep(0), faulty.sweep(0)
+    longer = np.linalg.norm(b.xyz_m, axis=-1) - np.linalg.norm(a.xyz_m, axis=-1)
+    both = a.valid & b.valid
+    found = [longer[both & (a.surface == of)] for of in np.unique(a.surface[both])]
+    assert len(found) > 3
+    for of_surface in found:
+        np.testing.assert_allclose(of_surface, of_surface[0], atol=1e-9)
+    assert len({round(float(of_surface[0]), 7) for of_surface in found}) == len(found)
+    of = np.unique(a.surface[both])[2]
+    drawn = faulty.faults.lidar.surface_range_offset_m[of]
+    assert found[2][0] == pytest.approx(drawn, abs=1e-9)
+
+
 def lidar_key(points: np.ndarray) -> np.ndarray:
     return points["offset_ns"].astype(np.int64) * 256 + points["ring"]
 
@@ -355,5 +372,5 @@ def test_every_fault_changes_the_data_and_is_in_the_truth(name: str) -> None:
     assert not same
     document = faulty.truth.to_file()
     assert document.faults == [name]
-    in_the_room = {"vibration", "bent-walls", "door-ajar", "skirting", "glass"}
+    in_the_room = {"vibration", "bent-walls", "door-ajar", "skirting", "glass", "materials"}
     assert bool(document.intrinsics) == (name not in in_the_room)

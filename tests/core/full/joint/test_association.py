@@ -111,7 +111,8 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
 
     Mutations: the margin and the robust scale exchanged; points of planes that stand aside counted; the incidence left
     out; lasers not corrected; the extents of the first plane for all; the range where a ray meets its plane left at zero;
-    cells of the corrected points; no cells; times of scans that are taken as one all counted from their own first point.
+    cells of the corrected points; no cells; the material of the plane beside; times of scans that are taken as one all counted
+    from their own first point.
     """
     view = _view(*noisy)
     ranges_m = np.linalg.norm(noisy[0].scans[SCANS[0]].points["xyz"], axis=1)
@@ -119,6 +120,7 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
     support = survey(view, SCANS, NOISE, Gate(extra_m=0.02), stride=2)
     if told_apart:
         nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
+        nuisance = nuisance.with_materials(len(view.estimate.normals) - 1)
         values = np.random.default_rng(0).normal(size=nuisance.size) * nuisance.prior_std
         e = replace(
             view.estimate, nuisance=values, normals=view.estimate.normals[1:], offsets_m=view.estimate.offsets_m[1:],

@@ -14,7 +14,7 @@ from calib_core.full.joint.priors import prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import laser_places, sensor_columns
 from calib_core.full.joint.state import Bins, Estimate
-from calib_core.full.prepare.nuisance import SURFACE, Nuisance, choose_nuisance
+from calib_core.full.prepare.nuisance import MATERIAL, SURFACE, Nuisance, choose_nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import preintegrate
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
@@ -37,6 +37,8 @@ BENT = NUISANCE.with_surface(
     0.003,
     2.0,
 )
+#: And where what each plane is made of has its own range.
+MADE, BENT_MADE = (each.with_materials(plain.PLANES) for each in (NUISANCE, BENT))
 
 
 class Case:
@@ -64,16 +66,21 @@ class Case:
         self.f[:, 4] = self.y[:, 3] - self.f[:, 0]  # cosine and incidence are one together
         self.squares = 0 if nuisance.surface is None else len(nuisance.surface.corners)
         self.square = rng.integers(0, self.squares + 1, n)
+        self.plane = base.bins.plane[self.pair]
+        if nuisance.materials:  # the patches are the first plane's
+            self.square = np.where(self.plane == 0, self.square, self.squares)
         if nuisance.surface is not None:
             self.corners = np.vstack([nuisance.surface.corners, np.full((1, 4), -1)])[self.square]
             share = np.where(self.corners >= 0, rng.uniform(size=(n, 4)), 0.0)
             self.f = np.hstack([self.f, ROOT_WEIGHT * share / np.maximum(share.sum(axis=1, keepdims=True), 1e-12)])
         unit = self.square * LASERS + self.laser
+        if nuisance.materials:
+            unit = np.where(self.square == self.squares, unit + LASERS * self.plane, unit)
         scatter = np.array([self.y[self.pair == q].T @ self.y[self.pair == q] for q in range(len(pairs))])
         clusters = [
             (q, j)
             for q in range(len(pairs))
-            for j in range(LASERS * (self.squares + 1))
+            for j in range(int(unit.max()) + 1)
             if ((self.pair == q) & (unit == j)).any()
         ]
         mine = [(self.pair == q) & (unit == j) for q, j in clusters]
@@ -115,6 +122,8 @@ class Case:
             n = e.normals[j]
             seen = np.append(e.R_imu_lidar.T @ R.T @ n, n @ (R @ e.p_imu_lidar + origin) + e.offsets_m[j])
             own = sum(change[places[self.laser[i], c]] * self.f[i, FEATURE[c]] for c in range(9))
+            if self.nuisance.materials:
+                own += self.nuisance.values(change, MATERIAL)[j] * self.f[i, 4]
             if self.squares:
                 own -= heights[self.corners[i]] @ self.f[i, 8:]
             out.append(seen @ self.y[i, :4] + self.y[i, 4] + own)
@@ -167,7 +176,7 @@ def _written_out(case: Case) -> tuple[FloatArray, FloatArray]:
     return H, np.concatenate([system.gradient.ravel(), system.gradient_shared])
 
 
-@pytest.mark.parametrize("nuisance", [NUISANCE, BENT])
+@pytest.mark.parametrize("nuisance", [NUISANCE, BENT, BENT_MADE])
 def test_parts_and_the_borders_columns_are_those_of_the_whole(nuisance: Nuisance) -> None:
     """As without sensors (test_problem.py). Mutations: a part's clusters counted from the first of all; what lasers share with
     one another in each part too; a parameter's column off by the nodes that a part has not; lasers left out of the border times
@@ -201,12 +210,13 @@ def test_parts_and_the_borders_columns_are_those_of_the_whole(nuisance: Nuisance
         np.testing.assert_allclose(unit * found[1], unit * expected[1], atol=1e-11 * np.abs(unit * expected[1]).max())
 
 
-@pytest.mark.parametrize(("seed", "nuisance"), [(0, NUISANCE), (1, NUISANCE), (0, BENT)])
+@pytest.mark.parametrize(("seed", "nuisance"), [(0, NUISANCE), (1, NUISANCE), (0, BENT), (0, MADE), (0, BENT_MADE)])
 def test_normal_equations_are_those_of_single_points_with_their_lasers(seed: int, nuisance: Nuisance) -> None:
     """Mutations: the incidence's feature read for the scale's column, grazing's for the eccentricity's, the rate's lever
     without the middle, a parameter's
     change left out of the gradient, the gyroscope's columns exchanged with the accelerometer's; a height with the other sign, its
-    corner exchanged with another, or without what two heights share."""
+    corner exchanged with another, or without what two heights share; a material read for another plane's, in a square or in none,
+    or for the range's feature."""
     case = Case(seed, nuisance)
     r, J = case.stacked(case.estimate), case.numerical_jacobian()
     assert case.problem.cost(case.estimate) == pytest.approx(0.5 * r @ r, rel=1e-9)

@@ -157,7 +157,8 @@ def test_before_the_sensors_are_known_a_tone_has_to_shout(half: Half, monkeypatc
     """The motion itself explains thousands by their scales before; then, with the sensors' columns first, the tones are still
     there.
 
-    Mutations: `loud` left out; tones forgotten where the sensors come in, or put before them.
+    Mutations: `loud` left out; tones forgotten where the sensors come in, or put before them; materials beside sensors that are
+    held.
     """
     asked: list[float] = []
 
@@ -175,7 +176,10 @@ def test_before_the_sensors_are_known_a_tone_has_to_shout(half: Half, monkeypatc
     assert after.nuisance.sensors == half.data.sensors
     assert after.nuisance.tones_hz == (1.4,)
     np.testing.assert_array_equal(after.nuisance.values(after.estimate.nuisance, TONE), np.arange(25.0))
-    assert len(after.priors.nuisance_std) == after.nuisance.size == half.data.sensors.size + 25
+    materials = len(half.state.planes)
+    assert len(after.priors.nuisance_std) == after.nuisance.size == half.data.sensors.size + materials + 25
+    held = replace(half.data.run, settings=half.data.run.settings.model_copy(update={"intrinsics": "consider"}))
+    assert solve.admit_sensors(replace(half.data, run=held), half.state).nuisance.materials == 0
 
 
 def test_of_a_choice_tones_are_heard_anew(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -216,7 +220,7 @@ def test_a_tone_comes_before_sensors_that_would_take_it_upon_themselves(
 
     Mutations: not compared with what it was without; for a calm IMU too; the round before the tone is gone on from.
     """
-    heard = {0: without, half.data.sensors.size: with_them}
+    heard = {0: without, half.data.sensors.size + len(half.state.planes): with_them}
     monkeypatch.setattr(solve, "loudest", lambda _data, state, _rules: heard[state.nuisance.size])
     monkeypatch.setattr(solve, "moving_round", lambda _data, state, *_: (state, float(len(state.nuisance.tones_hz))))
     asked: list[tuple[int, float]] = []
