@@ -19,6 +19,7 @@ from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
+from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept import follow_or_recall, key_of
 from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, own_and_merged, tracked
@@ -45,6 +46,7 @@ def calibrate_full(
     if not run.settings.estimate_planes and not (planes and all(not plane.suggested for plane in planes)):
         text = "the planes are held where a single scan shows them, which may be centimetres off: let them be estimated too, "
         run.say("warning", "planes.held", text + "unless they were surveyed")
+    planes = in_the_tracks_frame(run, planes)
     followed = follow_or_recall(run, planes, kept_in)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)

@@ -28,14 +28,19 @@ def outlined_cells(data: JointData, state: Estimation) -> BoolArray | None:
 
 
 def map_pose(data: JointData, state: Estimation) -> tuple[FloatArray, FloatArray]:
-    """The map frame in that of the solve, by the present estimate: R (3, 3), p (3,)."""
-    return lidar_pose(motion_of(data, state), state.estimate, map_time_s(data, state))
+    """The frame of the track in that of the solve, by the present estimate: R (3, 3), p (3,)."""
+    return lidar_pose(motion_of(data, state), state.estimate, _scan_s(data, state, data.reference))
 
 
-def map_time_s(data: JointData, state: Estimation) -> float:
-    """When the lidar defines the map frame: the first used scan's time, by a clock that runs at the IMU's rate."""
+def first_used_s(data: JointData, state: Estimation) -> float:
+    """When the lidar defines the map that is told: the first used scan's time, by a clock that runs at the IMU's rate."""
+    assert state.observations is not None
+    return _scan_s(data, state, int(state.observations.scan.min()))
+
+
+def _scan_s(data: JointData, state: Estimation, position: int) -> float:
     rate_ppm = clock_rate_ppm(state.nuisance, state.estimate.nuisance)
-    return float(data.run.clocks.at_rate(rate_ppm).scan_s[data.reference])
+    return float(data.run.clocks.at_rate(rate_ppm).scan_s[position])
 
 
 def present_view(data: JointData, state: Estimation) -> View:

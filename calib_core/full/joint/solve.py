@@ -20,7 +20,7 @@ from calib_core.full.joint.judged import (
 )
 from calib_core.full.joint.plane_set import add_planes
 from calib_core.full.joint.policies import Round, Sampling
-from calib_core.full.joint.present import map_time_s, outlined_cells
+from calib_core.full.joint.present import first_used_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate, until_seen
 from calib_core.full.joint.residuals import moved_in_gate
@@ -311,7 +311,7 @@ def finished(data: JointData, state: Estimation, problem: JointProblem, shared: 
         minimum=state.minimum,
         observations=state.observations,
         lidar_noise=state.lidar_noise,
-        map_time_s=map_time_s(data, state),
+        map_time_s=first_used_s(data, state),
         planes=state.planes,
         rounds=state.rounds,
         iterations=state.iterations,

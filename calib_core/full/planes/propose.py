@@ -1,7 +1,7 @@
 """The reference scan, and planes as patches of a cloud, from fits or from a point that a person points at.
 
-The map frame is the lidar frame at the reference scan's first point: the first scan from which the planes determine a
-pose.
+Planes are proposed, and the lidar is followed, in the frame of the lidar at the reference scan's first point: the first scan from
+which the planes determine a pose. What a result tells is in the map, the first used scan's frame (joint/present.py).
 """
 
 from __future__ import annotations
