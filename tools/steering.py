@@ -74,6 +74,7 @@ RECORDS = (
     ("joint", "calib_core/full/joint/policies.py", "Settling"),
     ("joint", "calib_core/full/joint/policies.py", "Limits"),
     ("joint", "calib_core/full/joint/settings.py", "Chain"),
+    ("joint", "calib_core/full/joint/settings.py", "Hearing"),
     ("joint", "calib_core/full/joint/settings.py", "Holding"),
     ("joint", "calib_core/full/joint/settings.py", "Measuring"),
     ("joint", "calib_core/full/joint/settings.py", "Surveying"),

@@ -25,6 +25,7 @@ from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathe
 from calib_core.full.joint.sensors import tone_values
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.tone_choice import Explaining, explaining
+from calib_core.full.joint.tone_heard import is_heard
 from calib_core.full.prepare.nuisance import TONE
 from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
@@ -80,6 +81,8 @@ def admit_tones(
         if is_hump(data, state, found[0].hz, rules):
             return without_tones(data, state, round_, sampling)
         after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
+        if not is_heard(data, after):
+            break
         left = found_tones(data, after, rules, round_, sampling, least=least, loud=loud)
         if left and left[0].decrease > found[0].decrease:
             break
@@ -99,7 +102,8 @@ def admit_rest(
         return state
     if is_hump(data, state, found[0].hz, rules):
         return without_tones(data, state, round_, sampling)
-    return told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
+    after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
+    return after if is_heard(data, after) else state
 
 
 def is_hump(data: JointData, state: Estimation, hz: float, rules: Tones) -> bool:

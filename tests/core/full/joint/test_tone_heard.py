@@ -1,0 +1,77 @@
+"""Whether the IMU has read a tone: against sines that were put into its readings, or were not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from calib_core.full.joint import tones
+from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.policies import Tones
+from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.tone_choice import Explaining
+from calib_core.full.joint.tone_heard import is_heard, loudest_near
+from calib_core.full.joint.tones import admit_rest, admit_tones, with_tone
+from tests.core.full.joint.conftest import Half
+
+HZ = 23.0
+
+
+def _toned(half: Half, accel_m_s2: float) -> Estimation:
+    """With a tone of the accelerometer's x axis of this amplitude, and of the gyroscope's, which nobody has read in any case."""
+    state = with_tone(half.data, half.state, HZ, FULL.tones)
+    values = np.zeros(25)
+    values[3], values[0] = accel_m_s2, 0.2
+    return replace(state, estimate=replace(state.estimate, nuisance=values))
+
+
+def _shaken(half: Half, accel_m_s2: float) -> Half:
+    """Whose readings have it."""
+    run = half.data.run
+    accel = run.recording.imu.accel_m_s2.copy()
+    accel[:, 0] += accel_m_s2 * np.sin(2.0 * np.pi * HZ * run.clocks.imu_s)
+    imu = replace(run.recording.imu, accel_m_s2=accel)
+    return replace(half, data=replace(half.data, run=replace(run, recording=replace(run.recording, imu=imu))))
+
+
+@pytest.mark.parametrize(
+    ("claimed", "read", "heard"), [(5.0, 0.0, False), (5.0, 4.5, True), (5.0, 0.5, False), (0.5, 5.0, True)]
+)
+def test_what_is_taken_out_of_readings_is_in_them(half: Half, claimed: float, read: float, heard: bool) -> None:
+    """Either sensor's suffices: what the other one adds is hardly known. Mutations: asked at another frequency; the gyroscope's
+    alone; less than what was read told for none."""
+    shaken = _shaken(half, read)
+    assert is_heard(shaken.data, _toned(half, claimed)) == heard
+
+
+@pytest.mark.parametrize("away_hz", [0.0, 0.6, -0.9, 3.0])
+def test_the_loudest_sine_nearby_is_told_by_its_amplitude_beside_a_hand(away_hz: float) -> None:
+    """Stamps that jitter, a hand's slow and far larger motion, a tone whose axes turn with the IMU. Oracle: the amplitude put in.
+
+    Mutations: no taper; the mean left in; everything counts as near.
+    """
+    rng = np.random.default_rng(3)
+    times_s = np.sort(np.arange(4000) * 5e-3 + 1e-4 * rng.normal(size=4000))
+    hand = 3.0 * np.sin(2.0 * np.pi * 0.8 * times_s)[:, None] + np.array([0.0, 0.0, 9.8])
+    sine = 0.3 * np.sin(2.0 * np.pi * (HZ + away_hz) * times_s)[:, None] * np.array([0.6, 0.0, 0.8])
+    told = loudest_near(times_s, hand + sine, HZ)
+    if abs(away_hz) < 1.0:
+        assert told == pytest.approx(0.3, rel=0.03)
+    else:
+        assert told < 0.02
+
+
+def test_a_tone_that_nobody_read_is_not_admitted(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutations: admitted all the same, while planes are judged or at rest."""
+    found = [Explaining(HZ, 900.0)]
+    monkeypatch.setattr(tones, "found_tones", lambda *_, **__: found)
+    monkeypatch.setattr(tones, "told", lambda _data, state, *_: _toned(half, 5.0) if state.nuisance.tones_hz else state)
+    bins = object()
+    rules: Tones = FULL.tones
+    assert admit_tones(half.data, half.state, rules, FULL.sensors, FULL.sampling, least=50.0) is half.state
+    assert admit_rest(half.data, half.state, rules, FULL.sensors, FULL.sampling, bins) is half.state  # type: ignore[arg-type]
+    shaken = _shaken(half, 5.0)
+    after = admit_rest(shaken.data, half.state, rules, FULL.sensors, FULL.sampling, bins)  # type: ignore[arg-type]
+    assert after.nuisance.tones_hz == (HZ,)
