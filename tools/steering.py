@@ -76,6 +76,7 @@ RECORDS = (
     ("joint", "calib_core/full/joint/settings.py", "Chain"),
     ("joint", "calib_core/full/joint/settings.py", "Hearing"),
     ("joint", "calib_core/full/joint/settings.py", "Holding"),
+    ("joint", "calib_core/full/joint/settings.py", "Wandering"),
     ("joint", "calib_core/full/joint/settings.py", "Measuring"),
     ("joint", "calib_core/full/joint/settings.py", "Surveying"),
     ("joint", "calib_core/full/joint/settings.py", "Straying"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import decimal
 import html
 import io
 import json
@@ -25,9 +26,9 @@ LIMITS = {"deg": WEAK_DEG, "m": WEAK_M, "s": WEAK_S}
 
 
 def two_digits(sigma: float) -> str:
-    """Two significant digits."""
-    digits = next(n for n in range(12) if round(sigma, n) >= 10 ** (1 - n))
-    return f"{sigma:.{digits}f}"
+    """Two significant digits, as decimal arithmetic has them: 0.962 is 0.96, and 0.996 is 1.0."""
+    exponent = decimal.Context(prec=2).create_decimal_from_float(sigma).as_tuple().exponent
+    return f"{sigma:.{max(0, -int(exponent))}f}"
 
 
 def told(std: float, unit: str) -> tuple[str, str]:

@@ -65,6 +65,21 @@ class Hearing:
 
 
 @dataclass(frozen=True, slots=True)
+class Wandering:
+    """When biases wander faster than they are said to (`walks.py`)."""
+
+    #: derived: chance makes as much of steps of a true walk in one recording of a million, twice.
+    chance: float = 1e-6
+    #: judged: what is estimated of steps is this share of what the walk makes of them in all, by variance: where a tenth of them
+    #: is known, as of an accelerometer, a misfit of a few sigmas is beyond all chance, and still far less than a drift.
+    share: float = 0.5
+    #: measured: walls bent by 10 mm have the accelerometer wander up to 3 times as fast, a part that warms up 6 to 16 times.
+    least: float = 4.0
+    #: judged: of what is usual, 0.04 m/s2 in a second: more is another fault.
+    most: float = 100.0
+
+
+@dataclass(frozen=True, slots=True)
 class Holding:
     """Which directions of the calibration the data leave open, to be held by priors of their own."""
 
@@ -216,7 +231,7 @@ class Watching:
     told_every_scans: int = 20
 
 
-CHAIN, HEARING, HOLDING, MEASURING = Chain(), Hearing(), Holding(), Measuring()
+CHAIN, HEARING, HOLDING, MEASURING, WANDERING = Chain(), Hearing(), Holding(), Measuring(), Wandering()
 SURVEYING, STRAYING, REGAINING, DOUBTING, WATCHING = Surveying(), Straying(), Regaining(), Doubting(), Watching()
 
 

@@ -30,6 +30,7 @@ from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
 from calib_core.full.joint.surface import admit_surface, is_bent_wall, is_rough, say_uneven, unevenness_m
 from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones
+from calib_core.full.joint.walks import say_walks, with_walks_told
 from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
 from calib_core.full.run import Run
 from calib_core.solver.levenberg import SharedEquations
@@ -95,7 +96,7 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     data.laid_out.forget()
     shared = SharedEquations()
     state, problem = alternate(data, state, schedule.settling, schedule.sampling, shared)
-    freed = released(data, state)
+    freed = with_walks_told(data, released(data, state))
     if freed is not state:
         del state, problem
         whole_again = data.portion(1.0, 1.0)
@@ -115,6 +116,7 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     require_solution(state)
     require_sensors(state, whole.limits.sensor_sigmas)
     say_tones(whole, state)
+    say_walks(whole, state)
     return finished(whole, state, problem, shared)
 
 
@@ -215,6 +217,9 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     else:
         judge = partial(without_doubtful, data, schedule=schedule)
         state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
+    wandering = with_walks_told(data, state)
+    if wandering is not state:
+        state = settle(data.portion(1.0, 1.0), wandering, schedule.settling, schedule.sampling)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.chosen:
         state = with_culprits_marked(data.portion(1.0, 1.0), state, schedule)

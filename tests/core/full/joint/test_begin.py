@@ -10,8 +10,7 @@ import pytest
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.joint.begin import begin
-from calib_core.full.joint.estimation import lidar_pose
-from calib_core.full.joint.present import map_time_s, motion_of
+from calib_core.full.joint.present import map_pose
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.prepare import prepare
 from calib_core.settings import CalibrateSettings
@@ -69,7 +68,7 @@ def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recordi
     first = data.reference
     assert (first == 0) == (late_s < 1.0)
     assert first == 0 or clocks.scan_s[first] > clocks.scan_s[0] + 1.5
-    R, p = lidar_pose(motion_of(data, state), state.estimate, map_time_s(data, state))
+    R, p = map_pose(data, state)
     np.testing.assert_allclose(R, np.eye(3), atol=2e-3)
     np.testing.assert_allclose(p, 0.0, atol=5e-3)
     lidar_s = np.array([clocks.scan_s[first]]) + (clocks.lidar_epoch_ns - truth.epoch_ns) * 1e-9

@@ -60,8 +60,8 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
     assert patches[0] > 100
     for one in bent:
         assert len(one) >= 3
-        # Of what counts as still, a cell more or less decides.
-        assert all(after < LEFT * before for before, after in pairwise(one) if before > FULL.settling.still)
+        # Of hardly more than counts as still, a cell more or less decides.
+        assert all(after < LEFT * before for before, after in pairwise(one) if before > 2.0 * FULL.settling.still)
         assert sum(before > FULL.settling.still for before in one) >= 2
     grazing = next(each for each in result.intrinsics if each.block == "grazing")
     assert abs(grazing.value) < 3.0 * grazing.std < 3.0 * 0.5 * grazing.prior_std
