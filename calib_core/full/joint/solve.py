@@ -217,10 +217,10 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     else:
         judge = partial(without_doubtful, data, schedule=schedule)
         state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
+    state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     wandering = with_walks_told(data, state)
     if wandering is not state:
         state = settle(data.portion(1.0, 1.0), wandering, schedule.settling, schedule.sampling)
-    state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     if schedule.chosen:
         state = with_culprits_marked(data.portion(1.0, 1.0), state, schedule)
     if schedule.planes is not None:

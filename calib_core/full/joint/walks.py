@@ -27,7 +27,8 @@ from calib_core.types import FloatArray
 def with_walks_told(data: JointData, state: Estimation) -> Estimation:
     """With walks as fast as the biases' own steps tell; the same state where these are no greater than chance makes them."""
     information, layout = state.information, layout_of(data, state)
-    if information is None or layout.nodes < 2:
+    # What comes and goes once, as a lift that starts, is no drift.
+    if information is None or layout.nodes < 2 or state.untuned:
         return state
     spread = covariance(information).matrix
     times_s, e, before = data.nodes.times_s, state.estimate, state.priors
@@ -63,7 +64,7 @@ def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray) -
     if not beyond_chance or square < WANDERING.share * 3 * (nodes - 1):
         return 1.0
     k = float(np.sqrt(max(1.0 + (square - mean) / by_square, 1.0)))
-    return min(k, WANDERING.most) if k > WANDERING.least else 1.0
+    return k if WANDERING.least < k < WANDERING.most else 1.0
 
 
 def say_walks(data: JointData, state: Estimation) -> None:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from calib_core.full.joint.present import layout_of
-from calib_core.full.joint.settings import WANDERING
 from calib_core.full.joint.walks import say_walks, times_faster, with_walks_told
+from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
 
@@ -29,7 +29,7 @@ def _estimated(rng: np.random.Generator, k: float, noise: float) -> tuple[FloatA
     return spread @ read / noise**2, np.kron(spread, np.eye(3))
 
 
-@pytest.mark.parametrize(("k", "noise"), [(10.0, 1.0), (10.0, 3.0), (25.0, 3.0), (50.0, 0.1)])
+@pytest.mark.parametrize(("k", "noise"), [(10.0, 1.0), (10.0, 3.0), (15.0, 3.0), (20.0, 0.1)])
 def test_a_walk_that_is_faster_is_told_to_a_third(k: float, noise: float) -> None:
     """Mutations: by the squares of steps alone, without what is left of their variance; each axis' covariance taken node by node;
     the trace of A for that of its square."""
@@ -60,21 +60,32 @@ def test_steps_of_which_little_is_known_have_to_be_large() -> None:
 def test_nothing_is_told_beyond_what_walks_can_be() -> None:
     """Another fault has its own words. Mutation: no bound."""
     values, spread = _estimated(np.random.default_rng(3), 1e5, 1.0)
-    assert times_faster(values, spread, np.full(NODES - 1, STEP_STD)) == WANDERING.most
+    assert times_faster(values, spread, np.full(NODES - 1, STEP_STD)) == 1.0
     assert times_faster(values, spread, np.zeros(NODES - 1)) == 1.0
 
 
 def test_a_walk_that_is_told_is_the_priors_from_there_on_and_said(half: Half) -> None:
-    """Mutations: the gyroscope's told by the accelerometer's steps; said where nothing is; both said for one."""
+    """Mutations: the gyroscope's told by the accelerometer's steps; said where nothing is; both said for one; told where
+    something comes and goes that is no tone."""
     assert layout_of(half.data, half.state).nodes > 1
     still = replace(half.state.estimate, accel_bias=np.zeros_like(half.state.estimate.accel_bias))
     state = replace(half.state, estimate=still)
     assert with_walks_told(half.data, state) is state
-    steps = np.cumsum(np.ones_like(state.estimate.accel_bias), axis=0) * 100.0 * state.priors.accel_walk
-    wandering = replace(state, estimate=replace(state.estimate, accel_bias=steps))
+    place = layout_of(half.data, state).accel_bias()
+    assert state.information is not None
+    spread = covariance(state.information).matrix[place, place]
+    step_s = np.sqrt(np.diff(half.data.nodes.times_s))
+    ramp = np.cumsum(np.ones_like(state.estimate.accel_bias), axis=0) * state.priors.accel_walk
+
+    def faster(times: float) -> float:
+        return times_faster(times * ramp, spread, state.priors.accel_walk * step_s)
+
+    times = next(each for each in np.geomspace(0.1, 1e4, 400) if faster(float(each)) > 1.0)
+    wandering = replace(state, estimate=replace(state.estimate, accel_bias=times * ramp))
     told = with_walks_told(half.data, wandering)
     assert told.priors.gyro_walk == state.priors.gyro_walk
-    assert told.priors.accel_walk > 10.0 * state.priors.accel_walk
+    assert told.priors.accel_walk == pytest.approx(faster(times) * state.priors.accel_walk)
+    assert with_walks_told(half.data, replace(wandering, untuned=True)).priors == state.priors
     said: list[str] = []
     data = replace(half.data, run=replace(half.data.run, on_event=lambda event: said.append(event.text)))  # type: ignore[union-attr]
     say_walks(data, state)
