@@ -328,3 +328,15 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
         )  # fmt: skip
     for got, want in ((gradient, want_gradient), (border, want_border), (corner, want_corner), (shared, want_shared)):
         np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-12)
+
+
+def test_points_in_no_square_are_told_apart_by_their_plane() -> None:
+    """Three lasers, two squares between heights. Mutations: points in squares shifted, too; by one for each plane; those of the
+    last laser in a square taken for beyond."""
+    laser = np.array([0, 5, 6, 8, 6, 8])
+    plane = np.array([1, 1, 0, 0, 2, 1])
+    sums = LaserSums(
+        np.zeros(6, np.int64), plane, laser, np.zeros((6, 12, 5), np.float32), np.zeros((6, 78), np.float32)
+    )
+    np.testing.assert_array_equal(sums.by_plane(3, 6).laser, [0, 5, 6, 8, 12, 11])
+    np.testing.assert_array_equal(sums.by_plane(3, 6).laser % 3, laser % 3)

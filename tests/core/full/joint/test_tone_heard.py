@@ -9,8 +9,8 @@ import pytest
 
 from calib_core.full.joint import tones
 from calib_core.full.joint.estimation import Estimation
-from calib_core.full.joint.policies import Tones
 from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.state import no_bins
 from calib_core.full.joint.tone_choice import Explaining
 from calib_core.full.joint.tone_heard import is_heard, loudest_near
 from calib_core.full.joint.tones import admit_rest, admit_tones, with_tone
@@ -50,7 +50,7 @@ def test_what_is_taken_out_of_readings_is_in_them(half: Half, claimed: float, re
 def test_the_loudest_sine_nearby_is_told_by_its_amplitude_beside_a_hand(away_hz: float) -> None:
     """Stamps that jitter, a hand's slow and far larger motion, a tone whose axes turn with the IMU. Oracle: the amplitude put in.
 
-    Mutations: no taper; the mean left in; everything counts as near.
+    Mutation: everything counts as near.
     """
     rng = np.random.default_rng(3)
     times_s = np.sort(np.arange(4000) * 5e-3 + 1e-4 * rng.normal(size=4000))
@@ -63,15 +63,25 @@ def test_the_loudest_sine_nearby_is_told_by_its_amplitude_beside_a_hand(away_hz:
         assert told < 0.02
 
 
+@pytest.mark.parametrize(("beside_m_s2", "near"), [(0.3, True), (0.0, False)])
+def test_neither_gravity_nor_a_sway_passes_for_a_slow_tone(beside_m_s2: float, near: bool) -> None:
+    """At two hertz, of twenty seconds. Mutations: no taper; the mean left in."""
+    times_s = np.arange(4000) * 5e-3
+    sway = 3.0 * np.sin(2.0 * np.pi * 0.31 * times_s)
+    accel = np.stack([sway, beside_m_s2 * np.sin(2.0 * np.pi * 2.0 * times_s), np.full(4000, 9.8)], axis=1)
+    told = loudest_near(times_s, accel, 2.0)
+    assert told == pytest.approx(0.3, rel=0.03) if near else told < 0.003
+    assert loudest_near(times_s, accel[:, 2:], 0.9) < 0.003
+
+
 def test_a_tone_that_nobody_read_is_not_admitted(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
     """Mutations: admitted all the same, while planes are judged or at rest."""
     found = [Explaining(HZ, 900.0)]
     monkeypatch.setattr(tones, "found_tones", lambda *_, **__: found)
     monkeypatch.setattr(tones, "told", lambda _data, state, *_: _toned(half, 5.0) if state.nuisance.tones_hz else state)
-    bins = object()
-    rules: Tones = FULL.tones
+    bins, rules = no_bins(0.0), FULL.tones
     assert admit_tones(half.data, half.state, rules, FULL.sensors, FULL.sampling, least=50.0) is half.state
-    assert admit_rest(half.data, half.state, rules, FULL.sensors, FULL.sampling, bins) is half.state  # type: ignore[arg-type]
+    assert admit_rest(half.data, half.state, rules, FULL.sensors, FULL.sampling, bins) is half.state
     shaken = _shaken(half, 5.0)
-    after = admit_rest(shaken.data, half.state, rules, FULL.sensors, FULL.sampling, bins)  # type: ignore[arg-type]
+    after = admit_rest(shaken.data, half.state, rules, FULL.sensors, FULL.sampling, bins)
     assert after.nuisance.tones_hz == (HZ,)
