@@ -45,7 +45,7 @@ def pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
     starts, agreed = _by_pairs(ctx, scans, None)
     for turn in range(AGREEING.again):
         # What was alike by chance is not any more once sweeps are straightened by it.
-        if not starts or starts[0].residual > AGREEING.fits or starts[0].correlation < AGREEING.believed:
+        if not starts or starts[0].residual > AGREEING.fits:
             break
         before = starts[0]
         straight = _by_pairs(ctx, scans, GyroTurning.of(ctx, before))
