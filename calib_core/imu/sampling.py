@@ -9,7 +9,8 @@ its slope times tau. The regression of one on the other,
 
 over all channels says which: beta is 0 where only the stamps jitter, 1 where the sampling does. c is exact for cubics. It is
 asked of neighbours at 1, 2, 4 ... samples' distance, since the fast part of tau may be the stamps' and the slow part the
-sampling's. What is slower still it cannot tell, and lines (`rows.py`) do not take that away.
+sampling's. What is slower still it cannot tell, and lines (`rows.py`) do not take that away. Where the sensor is shaken faster
+than cubics follow, that decides nothing, and what shakes it is asked (`shaken.py`).
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.imu.rows import LATE_SHARE, LEAST, Row, even_rows, lasting
+from calib_core.imu.shaken import SPAN, shaken_share
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Readings on either side that a slope is taken from, and neighbours on either side that a reading is expected from.
@@ -120,6 +122,9 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
     jitter = float(np.sqrt(np.mean(tau[used] ** 2)))
     values = values[:, np.ptp(values, axis=0) > _ROUNDING * np.abs(values).max(axis=0)].astype(np.float64)
     share, std = _least_even(number, in_row, tau, values, period)
+    if abs(share - 0.5) < _DECISIVE * std:
+        by_shaking = shaken_share(_spread_runs(_unbroken(number, in_row, 3 * SPAN)), tau / period, values)
+        share, std = min((share, std), by_shaking, key=lambda told: told[1])
     mean_of_all = usual_mean(t, tau, in_row, period)
     apart_s = t[2 * _SLOPE_SPAN :] - t[: -2 * _SLOPE_SPAN]
     whole = np.flatnonzero(apart_s < _NO_GAP * 2 * _SLOPE_SPAN * period) + _SLOPE_SPAN
