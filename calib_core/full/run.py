@@ -15,6 +15,7 @@ from calib_core.errors import Cancelled
 from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
 from calib_core.gp.regression import Hyper
 from calib_core.imu.preintegration import NoiseDensity
+from calib_core.imu.restored import Restored
 from calib_core.intrinsics import Sensor
 from calib_core.settings import CalibrateSettings
 from calib_core.threads import usual_threads
@@ -134,8 +135,8 @@ class Run:
     """What every stage needs, as `prepare` leaves it.
 
     farthest_m: the longest range that any return has.   sieve_m: edge of the cells of which the clouds were left one point each,
-    0 for none.   training: of the IMU's interpolation, which goes on beside the search for planes.   portion: of the running
-    stage, which what is reported now is a fraction of.
+    0 for none.   restored: readings of the IMU that were lost on the way, None for none.   training: of the IMU's interpolation,
+    which goes on beside the search for planes.   portion: of the running stage, which what is reported now is a fraction of.
     """
 
     recording: Recording
@@ -147,6 +148,7 @@ class Run:
     should_cancel: ShouldCancel
     farthest_m: float = float("inf")
     sieve_m: float = 0.0
+    restored: Restored | None = None
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
     beyond_sheets: frozenset[Sensor] = frozenset()

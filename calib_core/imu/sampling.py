@@ -19,8 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from calib_core.imu.forecast import SPAN
 from calib_core.imu.rows import LATE_SHARE, LEAST, Row, even_rows, lasting
-from calib_core.imu.shaken import SPAN, shaken_share
+from calib_core.imu.shaken import shaken_share
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Readings on either side that a slope is taken from, and neighbours on either side that a reading is expected from.

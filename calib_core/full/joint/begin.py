@@ -94,6 +94,8 @@ def begin(
         whole = whole[: inside + round(most_s / (whole[1] - whole[0]))]
     run.stage("solve", 0.0, "interpolating the IMU")
     readings = upsample(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, run.hyper)
+    if run.restored is not None:
+        readings = run.restored.allowed_for(readings, clocks.imu_s, run.noise.sample_std)
     nodes = bias_nodes(whole) if run.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)
     estimate = first_estimate(lidar, start, whole[:inside], followed.planes, len(nodes.times_s))
     estimate = put_aside(estimate, followed.dropped)

@@ -9,6 +9,7 @@ import numpy as np
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.prepare.settings import STAMPS
 from calib_core.full.run import LineStd
+from calib_core.imu.restored import Restored, restored
 from calib_core.imu.rows import LEAST
 from calib_core.imu.sampling import Sampling, study_sampling
 from calib_core.settings import CalibrateSettings
@@ -39,6 +40,23 @@ def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEven
     duration_s = float(imu.stamps_ns[-1] - imu.stamps_ns[0]) * 1e-9
     line = LineStd.of(sampling.mean_std_s, sampling.every_std_s, duration_s)
     return replace(recording, imu=replace(imu, stamps_ns=sampling.even_ns)), line
+
+
+def with_lost(
+    recording: Recording, settings: CalibrateSettings, on_event: OnEvent
+) -> tuple[Recording, Restored | None]:
+    """With what was lost of the IMU's readings, a few in a row, as far as their neighbours tell it; said."""
+    found = None if settings.imu_sampling == "as-stamped" else restored(recording.imu)
+    if found is None:
+        return recording, None
+    topic, one_in = recording.imu.topic or "the IMU", len(found.imu.stamps_ns) / len(found.index)
+    gyro, accel = np.sqrt(found.variance.reshape(-1, 2, 3).mean(axis=(0, 2)))
+    text = (
+        f"{len(found.index)} readings of {topic} are missing, one in {one_in:.0f}: they are taken for what those around them "
+        f"tell, to {np.degrees(gyro):.2g} deg/s and {accel:.2g} m/s²; a longer queue keeps them"
+    )
+    on_event(LogEvent(level="info", code="imu.lost", text=text))
+    return replace(recording, imu=found.imu), found
 
 
 _AS_STAMPED = "readings are taken as sampled when stamped"

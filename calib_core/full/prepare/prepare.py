@@ -12,7 +12,7 @@ from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.full.prepare.coarse_stamps import exact_stamps, imu_step, point_step, scan_step
 from calib_core.full.prepare.imu_noise import noise_of
-from calib_core.full.prepare.imu_stamps import as_taken
+from calib_core.full.prepare.imu_stamps import as_taken, with_lost
 from calib_core.full.prepare.settings import LENGTH, NOISE
 from calib_core.full.prepare.sieve import Sieve, in_words, sieve_of
 from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
@@ -55,6 +55,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     steps = _steps(recording, stamps_ns, settings)
     _say_exact(recording, stamps_ns, settings, on_event)
     recording, imu_line = as_taken(recording, settings, on_event)
+    recording, lost = with_lost(recording, settings, on_event)
     stamped = look(recording, stamps_ns)
     require_order(stamped.stamps_ns, "scans")
     sieve = _sieve(recording, stamped.period_s, settings, on_event)
@@ -78,7 +79,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     pool.shutdown(wait=False)
     return Run(
         recording, settings, clocks, noise, training, on_event, should_cancel,
-        farthest_m=seen.farthest_m, sieve_m=0.0 if sieve is None else sieve.cell_m,
+        farthest_m=seen.farthest_m, sieve_m=0.0 if sieve is None else sieve.cell_m, restored=lost,
     )  # fmt: skip
 
 
