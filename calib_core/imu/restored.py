@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from calib_core.imu.coarse import resolution
 from calib_core.imu.forecast import SPAN, forecast_filter
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray
@@ -77,6 +78,7 @@ def restored(imu: ImuData) -> Restored | None:
     values[grid.place] = read - mean
     filters = [forecast_filter(np.ascontiguousarray(channel), fitted) for channel in values.T]
     found = np.stack([_solved(y, c, missing) for y, c in zip(values.T, filters, strict=True)], axis=1)
+    found = _in_steps(found, read - mean)
     run = grid.run_of(missing)
     off = {n: _tried(values, filters, whole, n) for n in np.unique(run).tolist()}
     # From the reading before each of them on.
@@ -135,6 +137,13 @@ class _Grid:
         """(R,) how many are missing in a row with each."""
         number = np.cumsum(np.append(True, np.diff(missing) > 1)) - 1
         return np.asarray(np.bincount(number)[number])
+
+
+def _in_steps(found: FloatArray, read: FloatArray) -> FloatArray:
+    """On the steps that readings come in: between them nothing is read."""
+    step = resolution(read[:_FITTED])
+    size = np.where(step > 0.0, step, 1.0)
+    return np.asarray(np.where(step > 0.0, read[0] + np.rint((found - read[0]) / size) * size, found))
 
 
 def _some(of: IntArray, most: int) -> IntArray:

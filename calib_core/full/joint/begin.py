@@ -19,6 +19,7 @@ from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.nuisance import nuisance_of
 from calib_core.full.run import Run
+from calib_core.imu.coarse import allowed_for_steps, coarse_density2
 from calib_core.imu.preintegration import knot_spacing_s, upsample
 from calib_core.planes.same import same_surface
 from calib_core.presets import random_walks
@@ -94,6 +95,7 @@ def begin(
         whole = whole[: inside + round(most_s / (whole[1] - whole[0]))]
     run.stage("solve", 0.0, "interpolating the IMU")
     readings = upsample(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, run.hyper)
+    readings = allowed_for_steps(readings, clocks.imu_s, coarse_density2(clocks.imu_s, imu))
     if run.restored is not None:
         readings = run.restored.allowed_for(readings, clocks.imu_s, run.noise.sample_std)
     nodes = bias_nodes(whole) if run.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)

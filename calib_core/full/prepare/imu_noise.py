@@ -10,23 +10,12 @@ from calib_core.full.prepare.noise_floor import Floor, noise_floor
 from calib_core.full.prepare.settings import NOISE
 from calib_core.full.run import ImuNoiseLevel
 from calib_core.gp.noise import high_frequency_noise
+from calib_core.imu.coarse import resolution
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.types import FloatArray, ImuData
 
 #: Standard deviations in the width of a uniform law: what cutting to steps makes of anything.
 _UNIFORM_STDS = np.sqrt(12.0)
-
-
-def resolution(values: FloatArray) -> FloatArray:
-    """The smallest step a channel's readings take: (C,). 0 where they never change."""
-    out = np.zeros(values.shape[1])
-    for channel in range(values.shape[1]):
-        steps = np.diff(np.unique(values[: min(len(values), NOISE.resolution_readings), channel]))
-        steps = steps[steps > 0]
-        # Readings of float origin differ by round-off: a true resolution is one that most steps are multiples of.
-        if len(steps):
-            out[channel] = float(np.min(steps))
-    return out
 
 
 def noise_of(stamps_s: FloatArray, imu: ImuData) -> tuple[ImuNoiseLevel, slice | None]:

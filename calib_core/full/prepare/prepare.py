@@ -19,6 +19,7 @@ from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
 from calib_core.full.run import Clocks, ImuNoiseLevel, Run, StampStep
 from calib_core.gp.training import fit_hyper
 from calib_core.imu.clipping import clipped, clipped_text
+from calib_core.imu.coarse import coarse_text
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.presets import find_imu_preset
 from calib_core.settings import CalibrateSettings, ImuNoise
@@ -72,6 +73,8 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
         text += "; what is found of its scale, axes and delay may come of that: move more gently, or widen its range"
         on_event(LogEvent(level="warning", code="imu.clipped", text=text))
     noise = _imu_noise(recording, settings, clocks, on_event)
+    if text := coarse_text(clocks.imu_s, imu, noise.density):
+        on_event(LogEvent(level="warning", code="imu.coarse", text=text))
     # A thread of its own, not one of the shared workers: it goes on for seconds.
     pool = ThreadPoolExecutor(1)
     values = np.hstack([imu.gyro_rad_s, imu.accel_m_s2])

@@ -32,8 +32,6 @@ class Noise:
     #: among the presets (calib_core/presets/imu.py). What a noise-free or coarse recording is held to.
     gyro_floor_rad_s_sqrt_hz: float = 1e-6
     accel_floor_m_s2_sqrt_hz: float = 1e-5
-    #: judged: a channel's step is looked for among so many readings. Time alone depends on it, once there are hundreds.
-    resolution_readings: int = 20000
     #: derived: a variance of N readings is known to sqrt(2 / N), so 200 readings a second tell the noise to 7 % in two
     #: seconds and to 14 % in half a second. A shorter standstill tells less of noise than the rest of the recording, and
     #: one shorter than the latter nothing.

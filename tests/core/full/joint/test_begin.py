@@ -6,10 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import butter, sosfilt
 
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.joint.begin import begin
+from calib_core.full.joint.estimation import JointData
 from calib_core.full.joint.present import map_pose
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.prepare import prepare
@@ -32,6 +34,33 @@ def _outlined(plane: Plane) -> Plane:
 
 def _off_plane_m(plane: Plane, points: FloatArray) -> FloatArray:
     return points @ plane.normal + plane.offset_m
+
+
+def _begun(recording: Recording, truth: Truth) -> JointData:
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    motions = true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s)
+    rotation = RotationStart(run.clocks.offset_s(truth.time_offset_ns), truth.R_imu_lidar, np.zeros(3), 0.0, 1.0, None)
+    start = Start(rotation, LinearStart(np.array([0.0, 0.0, -9.8]), truth.p_imu_lidar, np.zeros(3), 0.0))
+    lidar = LidarTrack.of(motions, run.clocks.scan_s, run.clocks.sweep_s)
+    return begin(run, Followed(0, list(truth.planes), motions), lidar, start, None, PLANES_GIVEN)[0]
+
+
+def test_links_know_of_steps_and_of_what_was_lost(noisy: tuple[Recording, Truth]) -> None:
+    """An accelerometer of 0.2 m/s2, and one of whose readings some were lost on a road. Mutations: either left out."""
+    recording, truth = noisy
+    imu = recording.imu
+    coarse = replace(imu, accel_m_s2=np.rint(imu.accel_m_s2 / 0.2) * 0.2)
+    looser = _begun(replace(recording, imu=coarse), truth).readings.excess_density2
+    usual = _begun(recording, truth).readings.excess_density2
+    assert np.mean(looser[:, 3:] - usual[:, 3:]) > 0.2**2 / 12.0 * 0.01
+    assert np.allclose(looser[:, :3], usual[:, :3])
+    rng = np.random.default_rng(1)
+    rumble = sosfilt(butter(2, [0.2, 0.4], "bandpass", output="sos"), rng.standard_normal(imu.accel_m_s2.shape), axis=0)
+    kept = np.ones(len(imu.stamps_ns), np.bool_)
+    kept[100:-100:50] = False
+    lossy = ImuData(imu.stamps_ns[kept], imu.gyro_rad_s[kept], (imu.accel_m_s2 + rumble)[kept])
+    looser = _begun(replace(recording, imu=lossy), truth).readings.excess_density2
+    assert np.count_nonzero(looser[:, 3:].max(axis=1) > 1e-4) == pytest.approx(np.count_nonzero(~kept), rel=0.1)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.3, 2.0])
