@@ -57,7 +57,7 @@ def test_links_know_of_steps_and_of_what_was_lost(noisy: tuple[Recording, Truth]
     rng = np.random.default_rng(1)
     rumble = sosfilt(butter(2, [0.2, 0.4], "bandpass", output="sos"), rng.standard_normal(imu.accel_m_s2.shape), axis=0)
     kept = np.ones(len(imu.stamps_ns), np.bool_)
-    kept[100:-100:50] = False
+    kept[150:-150:100] = False
     lossy = ImuData(imu.stamps_ns[kept], imu.gyro_rad_s[kept], (imu.accel_m_s2 + rumble)[kept])
     looser = _begun(replace(recording, imu=lossy), truth).readings.excess_density2
     assert np.count_nonzero(looser[:, 3:].max(axis=1) > 1e-4) == pytest.approx(np.count_nonzero(~kept), rel=0.1)
