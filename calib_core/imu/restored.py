@@ -19,7 +19,7 @@ import scipy
 
 from calib_core.imu.coarse import resolution
 from calib_core.imu.forecast import SPAN, forecast_filter
-from calib_core.imu.preintegration import UpsampledImu
+from calib_core.imu.preintegration import NoiseDensity, UpsampledImu
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray
 
 #: judged: so many readings in a row are restored at most: what a queue drops. Further from its neighbours nothing is expected.
@@ -43,13 +43,14 @@ class Restored:
     variance: FloatArray
     run: IntArray
 
-    def allowed_for(self, up: UpsampledImu, stamps_s: FloatArray, sample_std: FloatArray) -> UpsampledImu:
-        """The links with what restored readings are further off than read ones. stamps_s: (Q,) of all.   sample_std: (6,).
+    def allowed_for(self, up: UpsampledImu, stamps_s: FloatArray, noise: NoiseDensity) -> UpsampledImu:
+        """The links with what restored readings are further off than read ones. stamps_s: (Q,) of all.
 
         Those missing in a row are off alike.
         """
         period = float(np.median(np.diff(stamps_s)))
-        beyond = np.maximum(self.variance - 2.0 * sample_std**2, 0.0) * self.run[:, None]
+        read = np.concatenate([noise.gyro_rad_s_sqrt_hz, noise.accel_m_s2_sqrt_hz]) ** 2 / period
+        beyond = np.maximum(self.variance - 2.0 * read, 0.0) * self.run[:, None]
         link = np.searchsorted(up.knots_s, stamps_s[self.index], side="right") - 1
         mine = (link >= 0) & (link < len(up.excess_density2))
         excess = up.excess_density2.copy()

@@ -97,7 +97,7 @@ def begin(
     readings = upsample(clocks.imu_s, imu.gyro_rad_s, imu.accel_m_s2, whole, run.hyper)
     readings = allowed_for_steps(readings, clocks.imu_s, coarse_density2(clocks.imu_s, imu))
     if run.restored is not None:
-        readings = run.restored.allowed_for(readings, clocks.imu_s, run.noise.sample_std)
+        readings = run.restored.allowed_for(readings, clocks.imu_s, run.noise.density)
     nodes = bias_nodes(whole) if run.settings.bias_model == "random-walk" else BiasNodes.spread(whole, None)
     estimate = first_estimate(lidar, start, whole[:inside], followed.planes, len(nodes.times_s))
     estimate = put_aside(estimate, followed.dropped)

@@ -10,7 +10,7 @@ import pytest
 from scipy.signal import butter, sosfilt
 
 from calib_core.gp.regression import Hyper
-from calib_core.imu.preintegration import upsample
+from calib_core.imu.preintegration import NoiseDensity, upsample
 from calib_core.imu.restored import Restored, restored
 from calib_core.types import BoolArray, FloatArray, ImuData
 from tests.core.imu.instants import NOISE, even_instants, in_ns, readings_at
@@ -108,7 +108,8 @@ def test_links_are_as_much_looser_as_restored_readings_are_further_off() -> None
     size = (NOISE * np.arange(1.0, 7.0)) ** 2
     variance = 2.0 * NOISE**2 + size * np.array([[1.0], [4.0], [4.0]])
     of = Restored(_imu(t, np.zeros((len(t), 6))), np.array([501, 801, 802]), variance, np.array([1, 2, 2]))
-    more = of.allowed_for(up, t, NOISE).excess_density2 - up.excess_density2
+    density = NoiseDensity(NOISE[:3] * 0.1, NOISE[3:] * 0.1)  # at a hundred readings a second
+    more = of.allowed_for(up, t, density).excess_density2 - up.excess_density2
     assert np.allclose(more[250] * 0.02, size * 0.01**2, atol=0.0)
     assert np.allclose((more[400] + more[401]) * 0.02, 4.0 * size * (2 * 0.01) ** 2, atol=0.0)
     assert np.count_nonzero(more.any(axis=1)) == 3

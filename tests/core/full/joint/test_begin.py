@@ -15,7 +15,7 @@ from calib_core.full.joint.estimation import JointData
 from calib_core.full.joint.present import map_pose
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.prepare import prepare
-from calib_core.settings import CalibrateSettings
+from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.simulate import Truth
 from calib_core.types import FloatArray, ImuData, Plane, Recording
 from tests.core.full.joint.conftest import PLANES_GIVEN, true_motions
@@ -37,7 +37,8 @@ def _off_plane_m(plane: Plane, points: FloatArray) -> FloatArray:
 
 
 def _begun(recording: Recording, truth: Truth) -> JointData:
-    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    known = ImuNoise(gyroscope_noise_density_rad_s_sqrt_hz=2e-4, accelerometer_noise_density_m_s2_sqrt_hz=2e-3)
+    run = prepare(recording, CalibrateSettings(imu_noise=known), ignore_event, never_cancel)
     motions = true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s)
     rotation = RotationStart(run.clocks.offset_s(truth.time_offset_ns), truth.R_imu_lidar, np.zeros(3), 0.0, 1.0, None)
     start = Start(rotation, LinearStart(np.array([0.0, 0.0, -9.8]), truth.p_imu_lidar, np.zeros(3), 0.0))
@@ -58,7 +59,7 @@ def test_links_know_of_steps_and_of_what_was_lost(noisy: tuple[Recording, Truth]
     rumble = sosfilt(butter(2, [0.2, 0.4], "bandpass", output="sos"), rng.standard_normal(imu.accel_m_s2.shape), axis=0)
     kept = np.ones(len(imu.stamps_ns), np.bool_)
     kept[150:-150:100] = False
-    lossy = ImuData(imu.stamps_ns[kept], imu.gyro_rad_s[kept], (imu.accel_m_s2 + rumble)[kept])
+    lossy = ImuData(imu.stamps_ns[kept], imu.gyro_rad_s[kept], (imu.accel_m_s2 + 10.0 * rumble)[kept])
     looser = _begun(replace(recording, imu=lossy), truth).readings.excess_density2
     assert np.count_nonzero(looser[:, 3:].max(axis=1) > 1e-4) == pytest.approx(np.count_nonzero(~kept), rel=0.1)
 
