@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.signal import butter, sosfilt
 
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
@@ -47,7 +46,7 @@ def _begun(recording: Recording, truth: Truth) -> JointData:
 
 
 def test_links_know_of_steps_and_of_what_was_lost(noisy: tuple[Recording, Truth]) -> None:
-    """An accelerometer of 0.2 m/s2, and one of whose readings some were lost on a road. Mutations: either left out."""
+    """An accelerometer of 0.2 m/s2, and one of whose readings some were lost on a rough road. Mutations: either left out."""
     recording, truth = noisy
     imu = recording.imu
     coarse = replace(imu, accel_m_s2=np.rint(imu.accel_m_s2 / 0.2) * 0.2)
@@ -55,13 +54,12 @@ def test_links_know_of_steps_and_of_what_was_lost(noisy: tuple[Recording, Truth]
     usual = _begun(recording, truth).readings.excess_density2
     assert np.mean(looser[:, 3:] - usual[:, 3:]) > 0.2**2 / 12.0 * 0.01
     assert np.allclose(looser[:, :3], usual[:, :3])
-    rng = np.random.default_rng(1)
-    rumble = sosfilt(butter(2, [0.2, 0.4], "bandpass", output="sos"), rng.standard_normal(imu.accel_m_s2.shape), axis=0)
+    rough = 0.3 * np.random.default_rng(1).standard_normal(imu.accel_m_s2.shape)
     kept = np.ones(len(imu.stamps_ns), np.bool_)
     kept[150:-150:100] = False
-    lossy = ImuData(imu.stamps_ns[kept], imu.gyro_rad_s[kept], (imu.accel_m_s2 + 10.0 * rumble)[kept])
-    looser = _begun(replace(recording, imu=lossy), truth).readings.excess_density2
-    assert np.count_nonzero(looser[:, 3:].max(axis=1) > 1e-4) == pytest.approx(np.count_nonzero(~kept), rel=0.1)
+    lossy = ImuData(imu.stamps_ns[kept], imu.gyro_rad_s[kept], (imu.accel_m_s2 + rough)[kept])
+    looser = _begun(replace(recording, imu=lossy), truth).readings.excess_density2[:, 3:].max(axis=1)
+    assert np.count_nonzero(looser > 1.5 * np.median(looser)) == np.count_nonzero(~kept)
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.3, 2.0])
