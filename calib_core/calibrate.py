@@ -91,11 +91,31 @@ def calibrate(
             if better is not None and not (why.code == SILENT and _disagrees(again)):
                 answer, recording, heard = better, kept, again
     except Refused as refusal:
-        said = [*heard.messages, Message(code=refusal.code, level="error", text=str(refusal))]
+        text = because_of(refusal, heard.messages)
+        said = [*heard.messages, Message(code=refusal.code, level="error", text=text)]
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
     said = with_doubts_settled(heard.messages) if not answer.is_weak else heard.messages
     result = document(recording, settings, answer, said, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)
+
+
+#: What was warned of and breaks any model of rigid motion, by what it breaks that is plainest; and refusals that say no more than
+#: that it broke.
+_CAUSES = ("imu.stuck", "imu.axis_signs", "imu.clipped", "motion.unseen")
+_BROKEN = (
+    "solve.unsettled", "solve.inconsistent", "solve.broke_down", "solve.diverged", "solve.offset_ran_away",
+    "solve.lever_arm_ran_away", "planes.unsettled", "planes.lost", "motion.not_rigid",
+)  # fmt: skip
+
+
+def because_of(refusal: Refused, messages: Sequence[Message]) -> str:
+    """The refusal's sentence; behind the plainest of the causes that were warned of, where it names but what came of them."""
+    warned = {message.code: message.text for message in reversed(messages) if message.level == "warning"}
+    cause = next((warned[code] for code in _CAUSES if code in warned), "")
+    if refusal.code not in _BROKEN or not cause:
+        return str(refusal)
+    first = cause.split(";")[0].rstrip(".")
+    return f"{first[0].lower()}{first[1:]}; that may be why {refusal}"
 
 
 def facing_the_lidar(plane: Plane) -> Plane:

@@ -35,6 +35,7 @@ _LIMITING = frozenset(
         "imu.jitter",
         "imu.stamped_in_bundles",
         "imu.axis_signs",
+        "imu.stuck",
         "recording.truncated",
         "points.malformed",
         "clock.epochs",

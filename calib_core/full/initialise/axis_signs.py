@@ -23,7 +23,6 @@ from calib_core.full.initialise.time_offset import GyroTurns, turns_of
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.types import FloatArray, ImuData
 
-#: Degrees in a radian.
 #: What a mirrored cloud looks like too.
 _ALL = "accelerometer's x, y and z axes"
 
@@ -60,9 +59,19 @@ def gravity_complaint(imu: ImuData, gravity_m_s2: float) -> str:
 
 
 def axis_complaint(
-    lidar: LidarTrack, imu_s: FloatArray, imu: ImuData, start: RotationStart, linear: LinearStart, gravity_m_s2: float
+    lidar: LidarTrack,
+    imu_s: FloatArray,
+    imu: ImuData,
+    start: RotationStart,
+    linear: LinearStart,
+    gravity_m_s2: float,
+    *,
+    doubted: bool = False,
 ) -> str:
-    """A clause that names axes whose signs are wrong, where flipping them explains the motion; else ""."""
+    """A clause that names axes whose signs are wrong, where flipping them explains the motion; else "".
+
+    doubted: whether the gyroscope turns gravity the other way round than the accelerometer has it: then less has to be explained.
+    """
     if linear.rms < SIGNS.suspicious_rms:
         return ""
     gyro = GyroTurns(imu_s, imu.gyro_rad_s)
@@ -75,11 +84,14 @@ def axis_complaint(
         if np.prod(signs) < 0:  # an odd number of gyroscope axes: the turns say so by themselves
             trial = replace(start, time_offset_s=mirrored_lag_s, R_imu_lidar=signs[:, None] * reflection)
             trials.append((_rms(lidar, imu_s, imu.accel_m_s2, trial, gravity_m_s2), f"gyroscope's {named}"))
+            if signs[2] < 0 and np.sum(signs < 0) == 1:  # any other odd number of both is this one, turned
+                both = _rms(lidar, imu_s, imu.accel_m_s2 * signs, trial, gravity_m_s2)
+                trials.append((both, f"gyroscope's {named}, and of the accelerometer's like one,"))
         trial = replace(start, time_offset_s=lag_s, R_imu_lidar=rotation)
         sensor = "accelerometer's" if np.prod(signs) < 0 else "gyroscope's or the accelerometer's"
         trials.append((_rms(lidar, imu_s, imu.accel_m_s2 * signs, trial, gravity_m_s2), f"{sensor} {named}"))
     best, named = min(trials)
-    if best > SIGNS.explains * linear.rms:
+    if best > (SIGNS.explains_what_is_doubted if doubted else SIGNS.explains) * linear.rms:
         return ""
     # A lidar whose clouds are mirrored and an accelerometer with all three signs turned round are the same to both motions.
     where = "in the IMU's driver" + (", or the lidar's if its clouds are mirrored," if named == _ALL else "")

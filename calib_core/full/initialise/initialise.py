@@ -133,7 +133,9 @@ def _refuse_misread_imu(run: Run, lidar: LidarTrack, rotation: RotationStart, li
     imu_s, imu = run.clocks.imu_s, run.recording.imu
     if complaint := unit_complaint(lidar, imu_s, imu):
         raise Refused("imu.gyroscope_unit", complaint)
-    if complaint := axis_complaint(lidar, imu_s, imu, rotation, linear, run.settings.gravity.magnitude_m_s2):
+    doubted = any(finding.code == "imu.axis_signs" for finding in run.recording.findings)
+    magnitude = run.settings.gravity.magnitude_m_s2
+    if complaint := axis_complaint(lidar, imu_s, imu, rotation, linear, magnitude, doubted=doubted):
         raise Refused("imu.axis_signs", complaint)
 
 

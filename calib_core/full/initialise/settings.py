@@ -283,6 +283,9 @@ class Signs:
     #: judged: a sign pattern must leave less than this share of the misfit as sent; the right one leaves noise. Only the
     #: reason that is told depends on it.
     explains: float = 0.35
+    #: measured on recordings of an independent generator: 0.44 where one axis of an accelerometer was flipped, as the right
+    #: pattern left 0.9 of noise. Enough where the two sensors contradict one another about gravity as well.
+    explains_what_is_doubted: float = 0.6
     #: derived: radians taken for degrees are 57 times off. The ratio of rates is good to sqrt(1 - 0.9^2) over the root of
     #: some hundred spans, a few per cent, where they correlate so well;
     together: float = 0.9

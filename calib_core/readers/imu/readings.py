@@ -15,6 +15,7 @@ from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.order import Came, as_they_came
 from calib_core.readers.imu.repeats import as_sensed
 from calib_core.readers.imu.spikes import spikes
+from calib_core.readers.imu.stuck import stuck_axis
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
@@ -128,6 +129,9 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     if leapt.any():
         findings.append(_spikes_finding(leapt, gyro, accel, topic))
         taken_ns, gyro, accel = taken_ns[~leapt], gyro[~leapt], accel[~leapt]
+    stuck = stuck_axis(taken_ns, gyro, accel, topic)
+    if stuck is not None:
+        findings.append(stuck)
     data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id, 0 if bundles is None else bundles.tick_ns)
     return CleanedImu(data, accel_unit, gyro_unit, tuple(findings))
 

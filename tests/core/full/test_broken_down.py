@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from calib_core.calibrate import calibrate
+from calib_core.calibrate import because_of, calibrate
+from calib_core.errors import Refused
+from calib_core.result import Message
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.solver.arrow import NotPositiveDefinite
@@ -29,6 +31,24 @@ def test_it_is_refused_with_a_reason(
     last = done.result.messages[-1]
     assert (last.level, last.code) == ("error", "solve.broke_down")
     assert "arithmetic broke down (" in last.text
+
+
+def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_it() -> None:
+    """Seen of a clipped gyroscope: "some planes are not flat". Mutations: any warning; of a refusal that has its own reason; the
+    last cause warned of in the place of the plainest.
+    """
+    clipped = Message(
+        code="imu.clipped", level="warning", text="the gyroscope is clipped in 12 %: it says less; move gently"
+    )
+    stuck = Message(code="imu.stuck", level="warning", text="The gyroscope's x axis is stuck.")
+    other = Message(code="imu.gaps", level="warning", text="there are gaps")
+    unsettled = Refused("solve.unsettled", "the solve did not come to rest")
+    assert because_of(unsettled, [other]) == "the solve did not come to rest"
+    assert because_of(unsettled, [other, clipped]) == (
+        "the gyroscope is clipped in 12 %: it says less; that may be why the solve did not come to rest"
+    )
+    assert because_of(unsettled, [clipped, stuck]).startswith("the gyroscope's x axis is stuck; that may be why")
+    assert because_of(Refused("points.unit", "in millimetres"), [clipped]) == "in millimetres"
 
 
 def _raise(error: Exception) -> None:
