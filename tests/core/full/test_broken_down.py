@@ -47,7 +47,8 @@ def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_i
     assert because_of(unsettled, [other, clipped]) == (
         "the gyroscope is clipped in 12 %: it says less; that may be why the solve did not come to rest"
     )
-    assert because_of(unsettled, [clipped, stuck]).startswith("the gyroscope's x axis is stuck; that may be why")
+    for both in ([clipped, stuck], [stuck, clipped]):
+        assert because_of(unsettled, both).startswith("the gyroscope's x axis is stuck; that may be why")
     assert because_of(Refused("points.unit", "in millimetres"), [clipped]) == "in millimetres"
 
 
