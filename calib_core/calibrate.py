@@ -101,7 +101,7 @@ def calibrate(
 
 #: What was warned of and breaks any model of rigid motion, by what it breaks that is plainest; and refusals that say no more than
 #: that it broke.
-_CAUSES = ("imu.stuck", "imu.axis_signs", "imu.clipped", "motion.unseen")
+_CAUSES = ("imu.stuck", "points.times_off", "imu.axis_signs", "imu.clipped", "motion.unseen")
 _BROKEN = (
     "solve.unsettled", "solve.inconsistent", "solve.broke_down", "solve.diverged", "solve.offset_ran_away",
     "solve.lever_arm_ran_away", "planes.unsettled", "planes.lost", "motion.not_rigid",

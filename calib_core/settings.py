@@ -36,6 +36,9 @@ class ReadSettings(_Settings):
     point_time_unit: Literal["s", "ms", "us", "ns"] | None = None
     point_time_reference: Literal["header-first", "header-last", "absolute"] | None = None
     synthesise_point_time: bool = False
+    points_at_once: bool = Field(
+        default=False, description="all points of a scan were taken at its stamp, as by a flash lidar or a depth camera"
+    )
     accelerometer_unit: Literal["m_s2", "g"] | None = None
     gyroscope_unit: Literal["rad_s", "deg_s"] | None = None
     stamps: Literal["header", "receive"] = "header"

@@ -141,6 +141,11 @@ def add_reading(command: Parser) -> None:
         action="store_true",
         help="make up the times of clouds that have none; degrades the result",
     )
+    group.add_argument(
+        "--points-at-once",
+        action="store_true",
+        help="all points of a scan were taken at its stamp, as by a flash lidar or a depth camera",
+    )
     group.add_argument("--accelerometer-unit", choices=_choices("accelerometer_unit"), help="unit of the accelerations")
     group.add_argument("--gyroscope-unit", choices=_choices("gyroscope_unit"), help="unit of the rates of turn")
     group.add_argument(

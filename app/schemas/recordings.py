@@ -71,6 +71,7 @@ class ChangeRecording(WireModel):
     point_time_unit: Literal["s", "ms", "us", "ns"] | None = None
     point_time_reference: Literal["header-first", "header-last", "absolute"] | None = None
     synthesise_point_time: bool | None = None
+    points_at_once: bool | None = None
     accelerometer_unit: Literal["m_s2", "g"] | None = None
     gyroscope_unit: Literal["rad_s", "deg_s"] | None = None
     stamps: Literal["header", "receive"] | None = None

@@ -52,6 +52,7 @@ function show(report: DoctorReport) {
       imu_bundles: "spread",
       repeated_returns: "once",
       synthesise_point_time: false,
+      points_at_once: false,
       range_min_m: 0.3,
       range_max_m: 200,
     },

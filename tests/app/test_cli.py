@@ -186,7 +186,8 @@ def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:
     )
     guess.write_text('{"time_offset_s": -0.02}')
     words = "calibrate room.bag --quiet --lidar-topic /l --imu-topic /i --start-s 2 --end-s 30 --point-time-field t"
-    words += " --point-time-unit ns --point-time-reference header-last --synthesise-point-time --accelerometer-unit g"
+    words += " --point-time-unit ns --point-time-reference header-last --synthesise-point-time --points-at-once"
+    words += " --accelerometer-unit g"
     words += " --gyroscope-unit deg_s --stamps receive --range-min-m 1 --range-max-m 50 --method paper --gravity 9.81"
     words += " --exclude 2:3 --exclude 12.5:14"
     words += " --prior tz=-0.3+-0.01 --prior rx=0+-1deg --fix-time-offset --fix-planes --bias-model constant"
@@ -202,6 +203,7 @@ def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:
         "point_time_unit": "ns",
         "point_time_reference": "header-last",
         "synthesise_point_time": True,
+        "points_at_once": True,
         "accelerometer_unit": "g",
         "gyroscope_unit": "deg_s",
         "stamps": "receive",

@@ -34,8 +34,10 @@ class Turns:
 
 
 def turns_of(track: LidarTrack) -> list[Turns]:
-    """Turns within the sweeps, and between scans one and three apart."""
-    out = [Turns(track.start_s, track.start_s + track.sweep_s, track.omega_rad_s)]
+    """Turns within the sweeps, where these last, and between scans one and three apart."""
+    lasts = track.sweep_s > 0.0
+    within = Turns(track.start_s[lasts], (track.start_s + track.sweep_s)[lasts], track.omega_rad_s[lasts])
+    out = [within] if lasts.any() else []
     period = float(np.median(np.diff(track.start_s))) if len(track.start_s) > 1 else 0.0
     for apart in LAGS.apart_scans:
         if len(track.start_s) <= apart:

@@ -101,7 +101,9 @@ def require_sensors(state: Estimation, most: float) -> None:
 def _require_near_start(data: JointData, state: Estimation) -> None:
     e, limits = state.estimate, data.limits
     away_s = e.time_offset_s - data.start.time_offset_s
-    sweep_s = float(np.median(data.run.clocks.sweep_s))
+    clocks = data.run.clocks
+    # A sweep of one instant is looked at from one to the next.
+    sweep_s = float(np.median(clocks.sweep_s)) or float(np.median(np.diff(clocks.scan_s)))
     if abs(away_s) > limits.offset_sweeps * sweep_s:
         raise Refused(
             "solve.offset_ran_away",

@@ -131,6 +131,7 @@ class _Tracker:
                 break
             found = self._guided(previous, position, is_sure=previous is good)
             if found is not None:
+                found = self._of_an_instant(previous, found)
                 self._bridge(previous, found.motion)
                 self.marched.append(found.motion)
                 _, self._pace_m_s = self._between(previous, found.motion)
@@ -147,6 +148,13 @@ class _Tracker:
             position += self.direction
         last = abs(held.position - self.first.position)
         del self.marched[last + 1 :]
+
+    def _of_an_instant(self, previous: ScanMotion, found: Registered) -> Registered:
+        """With the way from the last motion for its rates, where all its points are of one instant: they tell none."""
+        if self.scans[found.motion.position].points["offset_ns"].any():
+            return found
+        omega, v = self._between(previous, found.motion)
+        return replace(found, motion=replace(found.motion, omega_rad_s=omega, v_m_s=v))
 
     @property
     def _coasts(self) -> bool:

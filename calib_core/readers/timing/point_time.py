@@ -180,7 +180,7 @@ def detect_point_time(
         raise PointTimeError(
             f"The clouds on {topic} carry {wanted} (fields: {listed});"
             f" {help_text or 'record with a driver setting that keeps it'},"
-            " or pass --synthesise-point-time."
+            " or pass --synthesise-point-time, or --points-at-once for a lidar that takes them all at once."
         )
     # The first scan of a recording may be cut or hold leftovers of the sensor's start.
     sampled = usable[1:] if len(usable) > 3 else usable
@@ -218,7 +218,9 @@ def _no_hypothesis_text(
         advice = help_text or "name the right field with --point-time-field and --point-time-unit"
     else:
         advice = f"leave --point-time-unit {unit} out, or name another field with --point-time-field"
-    return f"The clouds on {topic} carry no usable per-point time: {what}; {advice}, or pass --synthesise-point-time."
+    instant = ", or --points-at-once for a lidar that takes them all at once" if spread == 0.0 else ""
+    made = "or pass --synthesise-point-time"
+    return f"The clouds on {topic} carry no usable per-point time: {what}; {advice}, {made}{instant}."
 
 
 def _timing(

@@ -3,7 +3,8 @@
 A spinning lidar sweeps its azimuth evenly, so the azimuth since the sweep's first point is the time; which way it
 turns is seen from the order of the points. Drivers cut sweeps at an azimuth, which stays, or after so many packets: then
 each begins a little farther round than the one before, is a little more or less than a turn, and says so itself. Any
-other lidar is taken to send its points in the order it took them.
+other lidar is taken to send its points in the order it took them. A flash lidar takes all of them at once: where that is
+said, all times are that of the header.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Synthesis:
     goes with the time: the whole, that within each row of an organised cloud, that within each ring, or nothing.
     """
 
-    kind: Literal["azimuth", "order"]
+    kind: Literal["azimuth", "order", "at once"]
     period_s: float
     direction: int = 1
     start_rad: float | None = 0.0
@@ -144,6 +145,8 @@ def _wrapped(angle_rad: FloatArray) -> FloatArray:
 @np.errstate(invalid="ignore")
 def synthesised_times_s(cloud: RawCloud, synthesis: Synthesis) -> FloatArray:
     """(N,) seconds from the sweep's start; NaN for points without a bearing."""
+    if synthesis.kind == "at once":
+        return np.zeros(cloud.points.size)
     if synthesis.kind == "order":
         return np.asarray(np.arange(cloud.points.size) / max(cloud.points.size, 1) * synthesis.period_s, np.float64)
     progress = _progress(cloud, synthesis)
@@ -187,6 +190,23 @@ def _start_evidence(synthesis: Synthesis) -> Evidence:
     return Evidence("start azimuth", round(float(np.rad2deg(synthesis.start_rad)), 2), "deg")
 
 
+def _at_once(
+    sample: Sequence[RawCloud], decoder: CloudDecoder, topic: str
+) -> tuple[CloudDecoder, PointTiming, tuple[Finding, ...]]:
+    """Clouds whose points are all of the header's instant, as asked; of the receive time where nobody set the headers."""
+    unset: tuple[Finding, ...] = ()
+    if never_set(np.array([cloud.header_ns for cloud in sample], np.int64)):
+        decoder, unset = restamped(decoder), (unset_finding(topic),)
+    finding = Finding(
+        code="points.at_once",
+        level="info",
+        text=f"All points of a cloud on {topic} are taken for those of its stamp, as asked.",
+        consequence="a lidar that sweeps is bent by its motion then, and the answer with it",
+    )
+    timing = PointTiming(FIELD, "s", "header-first", -1.0, 1.0)
+    return SynthesisingDecoder(decoder, Synthesis("at once", scan_period_s(sample))), timing, (*unset, finding)
+
+
 def point_timing(
     sample: Sequence[RawCloud], decoder: CloudDecoder, settings: ReadSettings, *, topic: str, help_text: str
 ) -> tuple[CloudDecoder, PointTiming, tuple[Finding, ...]]:
@@ -195,6 +215,8 @@ def point_timing(
 
     Raises PointTimeError where the clouds carry none and nobody asked.
     """
+    if settings.points_at_once:
+        return _at_once(sample, decoder, topic)
     unset: tuple[Finding, ...] = ()
     if never_set(np.array([cloud.header_ns for cloud in sample], np.int64)):
         sample = [replace(cloud, header_ns=cloud.receive_ns) for cloud in sample]

@@ -16,6 +16,7 @@ const controls: Readonly<Record<string, string>> = {
   "point-time-unit": "Point time unit",
   "point-time-reference": "Point time counts from",
   "synthesise-point-time": "Make up point times",
+  "points-at-once": "All points at once",
   "accelerometer-unit": "Accelerometer unit",
   "gyroscope-unit": "Gyroscope unit",
   stamps: "Stamps",
@@ -74,7 +75,7 @@ const plainValues = new Set([
   "detect",
 ]);
 
-const switches = new Set(["synthesise-point-time"]);
+const switches = new Set(["synthesise-point-time", "points-at-once"]);
 
 export function controlName(option: string): string {
   return controls[option] ?? option.replaceAll("-", " ");

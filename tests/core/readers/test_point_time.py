@@ -151,7 +151,9 @@ def test_unusable_times_are_refused(
     clouds = [cloud(k, field, "<f4", values) for k in range(N)]
     with pytest.raises(PointTimeError, match=sentence) as caught:
         detect_point_time(clouds, ReadSettings(), topic="/p")
-    assert str(caught.value).endswith("pass --synthesise-point-time.")
+    assert "or pass --synthesise-point-time" in str(caught.value)
+    is_of_an_instant = field is None or "same for all" in sentence
+    assert ("or --points-at-once for a lidar that takes them all at once." in str(caught.value)) == is_of_an_instant
     assert "\n" not in str(caught.value)
 
 
@@ -255,3 +257,29 @@ def test_synthesis_is_only_done_when_asked(tmp_path: Path) -> None:
     assert found.level == "warning"
     assert len(loaded.scans) == N
     assert 0.09e9 < loaded.scans[5].points["offset_ns"].max() < 0.101e9
+
+
+def test_points_at_once_are_of_the_header_s_instant(tmp_path: Path) -> None:
+    """A flash lidar's clouds, whose time is one and the same, or counts something else. Mutations: times by their order; their
+    own; nothing said.
+    """
+    for field, values in (("time", lambda t, s: t * 0), ("time", lambda t, s: t)):
+        clouds = [cloud(k, field, "<f4", values) for k in range(N)]
+        messages = build.in_order(
+            [
+                (
+                    "/p",
+                    "sensor_msgs/msg/PointCloud2",
+                    c.receive_ns,
+                    build.pointcloud2(c.points, cdr=False, stamp_ns=c.header_ns),
+                )
+                for c in clouds
+            ],
+            build.still_imu(5.6, cdr=False),
+        )
+        path = build.write_ros1(tmp_path / f"{len(list(tmp_path.iterdir()))}.bag", messages)
+        loaded = load(path, ReadSettings(points_at_once=True))
+        assert len(loaded.scans) == N
+        assert [scan.stamp_ns for scan in loaded.scans] == [c.header_ns for c in clouds]
+        assert not any(scan.points["offset_ns"].any() for scan in loaded.scans)
+        assert [f.level for f in loaded.findings if f.code == "points.at_once"] == ["info"]

@@ -1040,6 +1040,8 @@ export interface components {
             point_time_reference?: ("header-first" | "header-last" | "absolute") | null;
             /** Point Time Unit */
             point_time_unit?: ("s" | "ms" | "us" | "ns") | null;
+            /** Points At Once */
+            points_at_once?: boolean | null;
             /** Range Max M */
             range_max_m?: number | null;
             /** Range Min M */
@@ -2772,6 +2774,12 @@ export interface components {
             point_time_reference?: ("header-first" | "header-last" | "absolute") | null;
             /** Point Time Unit */
             point_time_unit?: ("s" | "ms" | "us" | "ns") | null;
+            /**
+             * Points At Once
+             * @description all points of a scan were taken at its stamp, as by a flash lidar or a depth camera
+             * @default false
+             */
+            points_at_once: boolean;
             /**
              * Range Max M
              * @default 200

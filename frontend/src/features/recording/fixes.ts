@@ -12,6 +12,7 @@ const kinds: Record<SettingKey, Kind> = {
   point_time_unit: "text",
   point_time_reference: "text",
   synthesise_point_time: "flag",
+  points_at_once: "flag",
   accelerometer_unit: "text",
   gyroscope_unit: "text",
   stamps: "text",

@@ -125,6 +125,18 @@ export function Reading({ recording }: { recording: Recording }) {
             />
           )}
         </Explained>
+        <Explained text="For flash lidars and depth cameras: all points of a cloud were taken at its stamp.">
+          {(id) => (
+            <Switch
+              size="xs"
+              label={label("points_at_once")}
+              aria-describedby={id}
+              checked={settings.points_at_once}
+              disabled={change.isPending}
+              onChange={(event) => apply({ points_at_once: event.currentTarget.checked })}
+            />
+          )}
+        </Explained>
         {told && (
           <Button size="compact-xs" variant="default" loading={change.isPending} onClick={() => apply(asFound)}>
             As it was recognised
@@ -142,6 +154,7 @@ const asFound: ChangeRecording = {
   point_time_unit: null,
   point_time_reference: null,
   synthesise_point_time: false,
+  points_at_once: false,
   accelerometer_unit: null,
   gyroscope_unit: null,
   stamps: "header",

@@ -105,6 +105,17 @@ function Verdict({ recording, report, change }: VerdictProps) {
               From the order in which a sweep goes round: it costs accuracy, and says so. A recording with its own times
               is better.
             </p>
+            <Button
+              size="compact-md"
+              variant="default"
+              loading={change.isPending}
+              onClick={() => change.mutate({ points_at_once: true })}
+            >
+              All points at once
+            </Button>
+            <p className="dim small">
+              Of a flash lidar or a depth camera, which takes all points of a cloud at its stamp.
+            </p>
           </div>
         )}
       </div>
@@ -114,7 +125,7 @@ function Verdict({ recording, report, change }: VerdictProps) {
 
 /** Without a time for each point there is nothing to calibrate; the one cure that this recording has. */
 export function lacksPointTimes(recording: Pick<Recording, "read_settings">, report: DoctorReport): boolean {
-  const made = recording.read_settings.synthesise_point_time;
+  const made = recording.read_settings.synthesise_point_time || recording.read_settings.points_at_once;
   return report.lidar !== null && report.lidar.point_time === null && !made;
 }
 

@@ -117,11 +117,15 @@ function lidarFacts({ lidar, findings }: DoctorReport): Fact[] {
   const time = lidar.point_time;
   const ranges = lidar.ranges;
   const madeUp = findings.some((finding) => finding.code === "points.time_synthesised");
+  const atOnce = findings.some((finding) => finding.code === "points.at_once");
   return [
     ["Sensor", lidar.preset.identified ? lidar.preset.name : `not recognised (as ${lidar.preset.name})`],
     ["Scans", `${count(lidar.scans)} at ${rateText(lidar.stamps.rate_hz)}`],
     ["Points a scan", ranges === null ? "–" : count(ranges.points_per_scan)],
-    ["Point time", time === null ? (madeUp ? "made up" : "none") : `${time.field}, ${time.unit}`],
+    [
+      "Point time",
+      time === null ? (madeUp ? "made up" : atOnce ? "all at once" : "none") : `${time.field}, ${time.unit}`,
+    ],
     ["Range noise", rangeNoise(lidar)],
     ["Ranges", ranges === null ? "–" : `${fixed(ranges.p05_m, 1)} to ${fixed(ranges.p95_m, 1)} m`],
   ];
