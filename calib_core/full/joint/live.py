@@ -36,7 +36,9 @@ def sweep_motions(
     for scan in (scans[int(place)] for place in places):
         if len(scan.points) == 0:
             continue
-        offset_s = np.linspace(0.0, float(scan.points["offset_ns"].max()) * 1e-9, WATCHING.instants)
+        # A flash is of one instant, through which nothing can be interpolated.
+        end_s = max(float(scan.points["offset_ns"].max()) * 1e-9, WATCHING.shortest_s)
+        offset_s = np.linspace(0.0, end_s, WATCHING.instants)
         when_s = (scan.stamp_ns - epoch_ns) * 1e-9 + offset_s - time_offset_s
         poses = motion.lidar_at(when_s, R_imu_lidar, p_imu_lidar)
         if not poses.usable.all():

@@ -228,6 +228,8 @@ class Watching:
     #: can tell. A picture alone depends on it.
     sweeps: int = 12
     instants: int = 3
+    #: derived: told to microseconds, instants of a sweep that lasts no time are still apart.
+    shortest_s: float = 1e-3
     #: judged: scans between two reports: two seconds of recording, a tenth of a second of work. Words alone depend on it.
     told_every_scans: int = 20
 

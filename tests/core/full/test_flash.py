@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
+from calib_core.events import IterationEvent
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording, Scan
@@ -25,12 +26,17 @@ def _at_once(scan: Scan, truth: Truth) -> Scan:
 @pytest.mark.filterwarnings("error::RuntimeWarning")
 def test_it_is_calibrated(noisy: tuple[Recording, Truth]) -> None:
     """Seen refused: "turns against the IMU", then "moved the time offset more than a sweep of 0.00 s". Mutations: turns within
-    sweeps asked; an offset's reach of no time.
+    sweeps asked; an offset's reach of no time; sweeps told at one instant thrice, between which the page found no number.
     """
     recording, truth = noisy
     flash = replace(recording, scans=[_at_once(scan, truth) for scan in recording.scans])
-    result = calibrate(flash, CalibrateSettings()).result
+    steps: list[IterationEvent] = []
+    result = calibrate(
+        flash, CalibrateSettings(), on_event=lambda e: steps.append(e) if isinstance(e, IterationEvent) else None
+    ).result
     assert result.status == "calibrated"
     assert result.uncertainty is not None
     covariance, error = np.array(result.uncertainty.covariance), errors_of(result, truth)
     assert error @ np.linalg.solve(covariance, error) < 24.3  # 99.9 % of chi-square with 7 degrees of freedom
+    assert steps[-1].sweeps
+    assert all((np.diff(sweep.offset_s) > 0.0).all() for sweep in steps[-1].sweeps)
