@@ -35,7 +35,7 @@ def report_block(report: DoctorReport, path: Path | None = None) -> RenderableTy
     """The whole report as one block for a console. path: of the recording, as it was given."""
     parts: list[RenderableType] = [_title(report), _section("Topics"), _topics(report)]
     if report.lidar is not None:
-        parts += [_section("Lidar"), lidar_block(report.lidar)]
+        parts += [_section("Lidar"), lidar_block(report.lidar, {finding.code for finding in report.findings})]
     if report.imu is not None:
         parts += [_section("IMU"), imu_block(report.imu, report.clock_offset_s)]
         parts += [_section("Motion"), motion_block(report, report.imu)]

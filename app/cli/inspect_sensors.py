@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -24,14 +24,23 @@ _BLOCKS = " ▁▂▃▄▅▆▇█"
 _STRIP_CELLS = 60
 
 
-def lidar_block(lidar: LidarReport) -> RenderableType:
-    """What is known of the lidar."""
+#: What stands for point times that a cloud does not have, by the finding that says so.
+_NO_TIMES = {
+    "points.time_synthesised": "made up, as asked: the clouds carry none",
+    "points.at_once": "all points of a cloud at its stamp, as asked",
+}
+
+
+def lidar_block(lidar: LidarReport, found: Collection[str] = ()) -> RenderableType:
+    """What is known of the lidar. found: codes of what was found in the recording."""
     facts = _facts()
     facts.add_row("topic", Text(f"{lidar.topic}   frame {lidar.frame_id or '(none)'}"))
     facts.add_row("layout", Text(f"{lidar.layout}   {counted(lidar.rings, 'ring')}   {counted(lidar.scans, 'scan')}"))
     facts.add_row("stamps", _stamps(lidar.stamps))
     if lidar.point_time is None:
-        facts.add_row("point time", Text("none: the clouds carry no time for each point", style="red"))
+        instead = next((text for code, text in _NO_TIMES.items() if code in found), None)
+        none = Text("none: the clouds carry no time for each point", style="red")
+        facts.add_row("point time", none if instead is None else Text(instead))
     else:
         time = lidar.point_time
         spread = f"{1e3 * time.first_after_header_s:+.1f} to {1e3 * time.last_after_header_s:+.1f} ms after the header"

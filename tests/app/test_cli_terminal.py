@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,6 +23,8 @@ from calib_core.doctor.report import (
     Forecast,
     ImuNoiseReport,
     ImuReport,
+    LidarPresetReport,
+    LidarReport,
     ParameterForecast,
     PlaneReport,
     PlanesReport,
@@ -319,3 +322,34 @@ def test_summary_says_what_to_trust_and_what_to_do() -> None:
     refused = make_result(np.eye(3), np.zeros(3), status="refused")
     assert refusal(refused) == "The platform never moved; turn it."
     assert verdict(refused) in shown(result_summary(refused))
+
+
+def test_what_stands_for_point_times_is_said() -> None:
+    """Mutation: "none" in any case, as if the recording could not be used."""
+    imu = report().imu
+    assert imu is not None
+    preset = LidarPresetReport(name="generic-lidar", range_std_m=0.03, source="", identified=False)
+    lidar = LidarReport(
+        topic="/points", frame_id="flash", layout="generic", scans=9, rings=0, stamps=imu.stamps, fields=(), point_time=None,
+        ranges=None, preset=preset,
+    )  # fmt: skip
+    said = {
+        code: shown(report_block(report(lidar=lidar, findings=() if not code else (FindingReport(**_found(code)),))))
+        for code in ("", "points.at_once", "points.time_synthesised")
+    }
+    assert "none: the clouds carry no time for each point" in said[""]
+    assert "all points of a cloud at its stamp, as asked" in said["points.at_once"]
+    assert "made up, as asked" in said["points.time_synthesised"]
+    assert sum("none: the clouds" in text for text in said.values()) == 1
+
+
+def _found(code: str) -> dict[str, Any]:
+    return {
+        "code": code,
+        "level": "info",
+        "text": "",
+        "evidence": (),
+        "confidence": 1.0,
+        "consequence": "",
+        "override": "",
+    }
