@@ -70,7 +70,8 @@ def restored(imu: ImuData) -> Restored | None:
         return None
     grid = _Grid.of(apart, on_row & (apart <= MOST + 1))
     missing, whole = grid.missing(), grid.whole()
-    if not len(missing) or len(whole) < _FEWEST:
+    run = grid.run_of(missing)
+    if not len(missing) or len(whole) < _FEWEST or not all(len(_places(whole, n)) for n in np.unique(run).tolist()):
         return None
     fitted = _some(whole, _FITTED)
     read = np.hstack([imu.gyro_rad_s, imu.accel_m_s2])
@@ -80,7 +81,6 @@ def restored(imu: ImuData) -> Restored | None:
     filters = [forecast_filter(np.ascontiguousarray(channel), fitted) for channel in values.T]
     found = np.stack([_solved(y, c, missing) for y, c in zip(values.T, filters, strict=True)], axis=1)
     found = _in_steps(found, read - mean)
-    run = grid.run_of(missing)
     off = {n: _tried(values, filters, whole, n) for n in np.unique(run).tolist()}
     # From the reading before each of them on.
     before = np.searchsorted(grid.place, missing) - 1
@@ -164,10 +164,15 @@ def _solved(y: FloatArray, c: FloatArray, missing: IntArray) -> FloatArray:
     return np.asarray(scipy.sparse.linalg.spsolve(one - coupled, y[around] @ c))
 
 
+def _places(whole: IntArray, n: int) -> IntArray:
+    """Where so many in a row can be left out to see what becomes of them."""
+    return np.asarray(whole[np.isin(whole + n - 1, whole)])
+
+
 def _tried(values: FloatArray, filters: list[FloatArray], whole: IntArray, n: int) -> FloatArray:
     """(C,) mean square by which so many in a row come out otherwise than they were read, where they were."""
     unknown = np.arange(n)
-    places = _some(whole[np.isin(whole + n - 1, whole)], _TRIED)
+    places = _some(_places(whole, n), _TRIED)
     out = np.zeros(len(filters))
     window = np.arange(-SPAN, SPAN + n)
     for channel, c in enumerate(filters):

@@ -85,7 +85,7 @@ def test_rows_end_where_too_many_are_missing_and_nothing_is_told_beside_their_en
 
 
 def test_nothing_is_restored_where_nothing_is_missing_or_nobody_knows_what() -> None:
-    """Mutation: stamps that jitter counted, too."""
+    """Mutations: stamps that jitter counted, too; tried nowhere."""
     rng = np.random.default_rng(5)
     t = even_instants(rng, 12000)
     imu = _imu(t, shaken_at(t, rng))
@@ -94,6 +94,24 @@ def test_nothing_is_restored_where_nothing_is_missing_or_nobody_knows_what() -> 
     jitter_ns = rng.integers(-700_000, 700_000, len(t))
     assert restored(_without(replace(imu, stamps_ns=imu.stamps_ns + jitter_ns), lost)) is None
     assert restored(_without(imu, np.arange(len(t)) >= 200)) is None
+    often = (
+        np.arange(len(t)) % 34 == 0
+    )  # so often that one is left between two that is whole, and two were lost nowhere else
+    often[68 * 34 + 1] = True
+    assert restored(_without(imu, often)) is None
+
+
+def test_a_channel_that_stands_still_goes_on_standing_still() -> None:
+    """As of a turntable without noise. Mutation: a filter of nothing, which is no number."""
+    rng = np.random.default_rng(6)
+    t = even_instants(rng, 2000)
+    values = shaken_at(t, rng)
+    values[:, 1], values[:, 4] = 0.0, 0.25
+    lost = _lost_in_rows(rng, len(t), 2)
+    found = _restored(_imu(t, values), lost)
+    assert np.array_equal(found.imu.gyro_rad_s[:, 1], values[:, 1])
+    assert np.allclose(found.imu.accel_m_s2[:, 1], 0.25, rtol=1e-12)
+    assert np.isfinite(found.imu.gyro_rad_s).all()
 
 
 def test_links_are_as_much_looser_as_restored_readings_are_further_off() -> None:
