@@ -29,7 +29,7 @@ def stuck_axis(stamps_ns: IntArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArr
                 continue
             text = (
                 f"The {sensor}'s {'xyz'[axis]} axis on {topic} reads {values[first, axis]:.4g} {unit} and nothing else for "
-                f"{stays_s:.1f} s, from {since_s:.1f} s on, while its other axes go on: it is stuck."
+                f"{stays_s:.1f} s, from {since_s:.1f} s on, while its other axes go on: it is stuck, or not measured."
             )
             found.append((stays_s, text))
     if not found:
