@@ -193,10 +193,7 @@ def _start_evidence(synthesis: Synthesis) -> Evidence:
 def _at_once(
     sample: Sequence[RawCloud], decoder: CloudDecoder, topic: str
 ) -> tuple[CloudDecoder, PointTiming, tuple[Finding, ...]]:
-    """Clouds whose points are all of the header's instant, as asked; of the receive time where nobody set the headers."""
-    unset: tuple[Finding, ...] = ()
-    if never_set(np.array([cloud.header_ns for cloud in sample], np.int64)):
-        decoder, unset = restamped(decoder), (unset_finding(topic),)
+    """Clouds whose points are all of the header's instant, as asked."""
     finding = Finding(
         code="points.at_once",
         level="info",
@@ -204,7 +201,7 @@ def _at_once(
         consequence="a lidar that sweeps is bent by its motion then, and the answer with it",
     )
     timing = PointTiming(FIELD, "s", "header-first", -1.0, 1.0)
-    return SynthesisingDecoder(decoder, Synthesis("at once", scan_period_s(sample))), timing, (*unset, finding)
+    return SynthesisingDecoder(decoder, Synthesis("at once", scan_period_s(sample))), timing, (finding,)
 
 
 def point_timing(
@@ -215,12 +212,13 @@ def point_timing(
 
     Raises PointTimeError where the clouds carry none and nobody asked.
     """
-    if settings.points_at_once:
-        return _at_once(sample, decoder, topic)
     unset: tuple[Finding, ...] = ()
     if never_set(np.array([cloud.header_ns for cloud in sample], np.int64)):
         sample = [replace(cloud, header_ns=cloud.receive_ns) for cloud in sample]
         decoder, unset = restamped(decoder), (unset_finding(topic),)
+    if settings.points_at_once:
+        decoder, timing, findings = _at_once(sample, decoder, topic)
+        return decoder, timing, (*unset, *findings)
     try:
         timing, findings = detect_point_time(sample, settings, topic=topic, help_text=help_text)
     except PointTimeError:

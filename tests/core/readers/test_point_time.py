@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -235,11 +235,8 @@ def test_sweeps_cut_by_time_begin_where_they_begin(order: str, columns: int) -> 
         assert np.abs(made - truth_s[k])[bearing].max() < 1.01 * 0.1 / 90
 
 
-def test_synthesis_is_only_done_when_asked(tmp_path: Path) -> None:
-    """Mutation: drop `if not settings.synthesise_point_time: raise`."""
-    clouds = [cloud(k, None, "", lambda t, s: t) for k in range(N)]
-    with pytest.raises(PointTimeError):
-        point_timing(clouds, lambda m: clouds[0], ReadSettings(), topic="/p", help_text="")
+def _written(clouds: Sequence[RawCloud], path: Path) -> Path:
+    """A bag of these clouds, and of an IMU at rest."""
     messages = build.in_order(
         [
             (
@@ -252,7 +249,15 @@ def test_synthesis_is_only_done_when_asked(tmp_path: Path) -> None:
         ],
         build.still_imu(5.6, cdr=False),
     )
-    loaded = load(build.write_ros1(tmp_path / "r.bag", messages), ReadSettings(synthesise_point_time=True))
+    return build.write_ros1(path, messages)
+
+
+def test_synthesis_is_only_done_when_asked(tmp_path: Path) -> None:
+    """Mutation: drop `if not settings.synthesise_point_time: raise`."""
+    clouds = [cloud(k, None, "", lambda t, s: t) for k in range(N)]
+    with pytest.raises(PointTimeError):
+        point_timing(clouds, lambda m: clouds[0], ReadSettings(), topic="/p", help_text="")
+    loaded = load(_written(clouds, tmp_path / "r.bag"), ReadSettings(synthesise_point_time=True))
     found = next(f for f in loaded.findings if f.code == "points.time_synthesised")
     assert found.level == "warning"
     assert len(loaded.scans) == N
@@ -265,21 +270,11 @@ def test_points_at_once_are_of_the_header_s_instant(tmp_path: Path) -> None:
     """
     for field, values in (("time", lambda t, s: t * 0), ("time", lambda t, s: t)):
         clouds = [cloud(k, field, "<f4", values) for k in range(N)]
-        messages = build.in_order(
-            [
-                (
-                    "/p",
-                    "sensor_msgs/msg/PointCloud2",
-                    c.receive_ns,
-                    build.pointcloud2(c.points, cdr=False, stamp_ns=c.header_ns),
-                )
-                for c in clouds
-            ],
-            build.still_imu(5.6, cdr=False),
+        loaded = load(
+            _written(clouds, tmp_path / f"{len(list(tmp_path.iterdir()))}.bag"), ReadSettings(points_at_once=True)
         )
-        path = build.write_ros1(tmp_path / f"{len(list(tmp_path.iterdir()))}.bag", messages)
-        loaded = load(path, ReadSettings(points_at_once=True))
         assert len(loaded.scans) == N
         assert [scan.stamp_ns for scan in loaded.scans] == [c.header_ns for c in clouds]
         assert not any(scan.points["offset_ns"].any() for scan in loaded.scans)
+        assert [len(scan.points) for scan in loaded.scans] == [int(np.isfinite(c.points["x"]).sum()) for c in clouds]
         assert [f.level for f in loaded.findings if f.code == "points.at_once"] == ["info"]
