@@ -59,12 +59,14 @@ class Misled(Exception):
 
 
 def rate_within(scan: Scan, turning: Turning | None) -> FloatArray | None:
-    """The rate (3,) [rad/s] at which the lidar turns during a scan, None where nothing but its points tells."""
-    sweep_ns = int(scan.points["offset_ns"].max()) if len(scan.points) else 0
-    if turning is None or sweep_ns == 0:
+    """The rate (3,) [rad/s] at which the lidar turns during a scan, at its stamp where all its points are of one instant; None
+    where nothing but its points tells.
+    """
+    if turning is None or not len(scan.points):
         return None
-    turn = turning.between(scan.stamp_ns, scan.stamp_ns + sweep_ns)
-    return None if turn is None else log(turn) / (sweep_ns * 1e-9)
+    span_ns = int(scan.points["offset_ns"].max()) or round(FOLLOWING.turning_s * 1e9)
+    turn = turning.between(scan.stamp_ns, scan.stamp_ns + span_ns)
+    return None if turn is None else log(turn) / (span_ns * 1e-9)
 
 
 def steadied(points_m: FloatArray, tau_s: FloatArray, scan: Scan, turning: Turning | None) -> FloatArray:
@@ -74,7 +76,7 @@ def steadied(points_m: FloatArray, tau_s: FloatArray, scan: Scan, turning: Turni
     A rig that is shaken turns to and fro within a sweep: by no rate are its walls flat.
     """
     rate = rate_within(scan, turning)
-    if turning is None or rate is None:
+    if turning is None or rate is None or not tau_s.any():
         return points_m
     sweep_s = float(scan.points["offset_ns"].max()) * 1e-9
     t_s = np.linspace(0.0, sweep_s, 1 + max(1, round(sweep_s / FOLLOWING.turning_s)))

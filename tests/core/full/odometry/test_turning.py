@@ -135,6 +135,32 @@ def test_a_shaken_lidar_is_followed_where_it_is_known_how_it_turns() -> None:
     assert np.linalg.norm([m.p for m in motions], axis=1).max() < 0.01
 
 
+def test_clouds_of_an_instant_are_followed_by_how_the_lidar_is_known_to_turn() -> None:
+    """A shaken flash lidar in a box: to half a degree, at three without. Oracle: its turns. Seen: what was known of them was not
+    asked where no sweep lasts, and a forecast refused.
+
+    Mutation: no rate where the points are of one instant.
+    """
+    moved, rng = _Shaken(), np.random.default_rng(5)
+    begins_s = 0.06 + 0.1 * np.arange(30)
+    scans = []
+    for begin in begins_s.tolist():
+        turned = moved.at(np.array([begin]))[0]
+        directions = rng.normal(size=(3000, 3))
+        told = np.zeros(3000, POINT_DTYPE)
+        told["xyz"] = turned.inv().apply(_in_the_box(directions))
+        scans.append(Scan(0, _EPOCH_NS + round(begin * 1e9), told))
+    start = moved.at(begins_s[:1])[0]
+    inward = np.concatenate([np.eye(3), -np.eye(3)])
+    reach = np.concatenate([-_LOW, _HIGH])
+    walls = [Plane(f"wall {k}", start.inv().apply(inward[k]), float(reach[k])) for k in range(6)]
+    motions = track(scans, walls, 0, turning=moved)
+    true = (start.inv() * moved.at(begins_s)).as_matrix()[[m.position for m in motions]]
+    off_rad = (Rotation.from_matrix(true).inv() * Rotation.from_matrix(np.array([m.R for m in motions]))).magnitude()
+    assert len(motions) == 30
+    assert np.degrees(off_rad.max()) < 0.5
+
+
 def test_turns_in_a_lifts_cabin_are_told() -> None:
     """Four walls a metre away, seen by a fan of 30 deg, neither floor nor ceiling: half a metre of wall tells its
     tilt. Oracle: the turns it was given. Seen: no pair was believed, and a lift refused. Mutation: told to 0.03 rad.
