@@ -17,7 +17,7 @@ from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, straighten
 from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.full.odometry.track import track
-from calib_core.full.odometry.turning import Guide, Misled, Turning, rate_within
+from calib_core.full.odometry.turning import Guide, Misled, Turning, rate_within, steadied
 from calib_core.full.planes.propose import named_planes, scan_points
 from calib_core.full.planes.settings import SEARCH
 from calib_core.full.run import Run
@@ -154,6 +154,7 @@ def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Pla
         points = scan_points(scans[position], ctx.settings.field_of_view_deg)
         if rate is not None and ctx.settings.field_of_view_deg is None:
             tau = scans[position].points["offset_ns"] * 1e-9
+            points = steadied(points, tau, scans[position], turning)
             points = straighten(points, tau, ScanMotion(position, np.eye(3), np.zeros(3), rate, np.zeros(3)))
         fits = segment_planes(points, seed=ctx.settings.random_seed)
         normals = np.array([f.normal for f in fits]).reshape(-1, 3)
@@ -169,12 +170,15 @@ def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Pla
 def _longest_from(
     ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None, guide: Guided = None
 ) -> Followed:
-    """The track from planes of the straightened reference scan where that moved, from the planes as they are where those fail."""
+    """The track from planes of the straightened reference scan where that moved; where its neighbours alone told that,
+    and leads nowhere, from the planes as they are.
+    """
     straight = _straightened_planes(ctx, planes, reference, turning)
     if not straight:
         return _attempt(ctx, planes, reference, turning, guide)
     best = _attempt(ctx, straight, reference, turning, guide)
-    if best.seen > FOLLOWING.whole * len(ctx.recording.scans):
+    known = rate_within(ctx.recording.scans[reference], turning) is not None
+    if known or best.seen > FOLLOWING.whole * len(ctx.recording.scans):
         return best
     other = _attempt(ctx, planes, reference, turning, guide)
     return best if best.seen >= other.seen else other
@@ -202,7 +206,9 @@ def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning
 
 
 def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> list[Plane]:
-    """The planes of the reference scan without its motion, which its neighbours tell; none where it hardly moved."""
+    """The planes of the reference scan without its motion, which its neighbours tell, turns where nothing tells them better; none
+    where it hardly moved.
+    """
     scans, reach = ctx.recording.scans, FOLLOWING.around_scans
     motions = track(scans, planes, reference, turning=turning, within=range(reference - reach, reference + reach + 1))
     at = [m.position for m in motions].index(reference)
@@ -212,6 +218,9 @@ def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turn
     first, last = around[0], around[-1]
     dt = (scans[last.position].stamp_ns - scans[first.position].stamp_ns) * 1e-9
     omega, v = log(first.R.T @ last.R) / dt, (last.p - first.p) / dt
+    rate = rate_within(scans[reference], turning)
+    if rate is not None:
+        omega = rate
     sweep_s = float(ctx.clocks.sweep_s[reference])
     if np.linalg.norm(omega) * sweep_s < FOLLOWING.bent_rad and np.linalg.norm(v) * sweep_s < FOLLOWING.bent_m:
         return []
@@ -219,7 +228,8 @@ def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turn
     tau = points["offset_ns"] * 1e-9
     motion = ScanMotion(reference, np.eye(3), np.zeros(3), omega, v)
     open_ways = 1 if turning is not None and turning.coasts else 0
-    return _planes_of(ctx, straighten(points["xyz"].astype(np.float64), tau, motion), open_ways)
+    steady = steadied(points["xyz"].astype(np.float64), tau, scans[reference], turning)
+    return _planes_of(ctx, straighten(steady, tau, motion), open_ways)
 
 
 def _planes_of(ctx: Run, points_m: FloatArray, open_ways: int) -> list[Plane]:
