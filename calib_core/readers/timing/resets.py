@@ -15,11 +15,18 @@ import numpy as np
 from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
 from calib_core.types import Evidence, Finding, IntArray
 
-#: A smaller jump shows in the answer, once there is one (`assess/clock_step.py`, which is sure from a millisecond on); drivers'
-#: stalls are as long, and the messages behind them soon catch up.
+#: Drivers' stalls are as long, and the messages behind them soon catch up: a jump of so much has to stay for some messages,
 LEAST_NS = 50_000_000
-#: Messages on either side whose lag says that it stays.
+#: a smaller one, which looks like messages that were lost, for seconds, and stand out from how the lag varies. Smaller still,
+#: it shows in the answer, once there is one (`assess/clock_step.py`, which is sure from a millisecond on).
+_LEAST_SURE_NS = 5_000_000
+#: Messages on either side whose lag says that it stays, and the seconds of them.
 _AROUND = 10
+_AROUND_NS = 4_000_000_000
+#: Judged: no clock is set more often within so many seconds: stamps of bundles that were sent one by one jump with each.
+_MOST_AROUND = 3
+#: Derived: medians of ten messages, or more, that are further apart than so many deviations are not by chance.
+_SIGMAS = 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,18 +47,55 @@ def resets(stamps: HeaderTimes, topic: str) -> list[Reset]:
     usual_ns = int(np.median(step_ns))
     by_ns = step_ns - received_ns
     # What the recorder got late is not stamped late: the stamps have to be what is unusual.
-    jumps = (np.abs(by_ns) > LEAST_NS) & (np.abs(step_ns - usual_ns) > np.abs(received_ns - usual_ns))
+    unusual = np.abs(step_ns - usual_ns) > np.abs(received_ns - usual_ns)
+    jumps = np.flatnonzero((np.abs(by_ns) > _LEAST_SURE_NS) & unusual) + 1
+    if jumps.size == 0:
+        return []
+    large = jumps[np.abs(by_ns[jumps - 1]) > LEAST_NS]
+    at_ns = stamps.receive_ns[large]
+    crowded = (np.abs(at_ns[:, None] - at_ns) < _AROUND_NS).sum(axis=1) > _MOST_AROUND
+    large = large[~crowded]
     found: list[Reset] = []
-    for place in (np.flatnonzero(jumps) + 1).tolist():
+    for place in large.tolist():
         stays_ns = _usual(lag_ns[max(0, place - _AROUND) : place]) - _usual(lag_ns[place : place + _AROUND])
         if stays_ns * int(by_ns[place - 1]) > 0 and abs(stays_ns) > LEAST_NS:
             found.append(Reset(topic, int(stamps.receive_ns[place]), stays_ns))
-    return found
+    edges = [0, *np.searchsorted(stamps.receive_ns, [reset.at_ns for reset in found]).tolist(), lag_ns.size]
+    small = np.setdiff1d(jumps, large)
+    # What jumps all the time is jitter: the greatest alone is asked of each stretch.
+    for first, end in itertools.pairwise(edges):
+        within = small[(small > first) & (small < end)]
+        if within.size:
+            place = int(within[np.argmax(np.abs(by_ns[within - 1]))])
+            stays_ns = _surely_stays_ns(stamps, (first, place, end))
+            if stays_ns * int(by_ns[place - 1]) > 0:
+                found.append(Reset(topic, int(stamps.receive_ns[place]), stays_ns))
+    return sorted(found, key=lambda reset: reset.at_ns)
+
+
+def _surely_stays_ns(stamps: HeaderTimes, stretch: tuple[int, int, int]) -> int:
+    """How far the lag has gone down [ns] for seconds after a message from what it was for seconds before, 0 where that is no more
+    than its own variation. stretch: first message, the one after the jump, and end.
+    """
+    first, place, end = stretch
+    lag_ns, at_ns = stamps.receive_ns - stamps.header_ns, int(stamps.receive_ns[place])
+    near = np.abs(stamps.receive_ns - at_ns) < _AROUND_NS
+    before, after = lag_ns[first:place][near[first:place]], lag_ns[place:end][near[place:end]]
+    if min(before.size, after.size) < _AROUND:
+        return 0
+    stays_ns = _usual(before) - _usual(after)
+    varies_ns = max(_usual(np.abs(side - _usual(side))) for side in (before, after))
+    return stays_ns if abs(stays_ns) > max(_LEAST_SURE_NS, _SIGMAS * varies_ns) else 0
 
 
 def _usual(lag_ns: IntArray) -> int:
     """Median of what may count from another century: no float holds that to the nanosecond."""
     return int(np.sort(lag_ns)[lag_ns.size // 2])
+
+
+def _amount(by_ns: int) -> str:
+    """A jump for a person."""
+    return f"{abs(by_ns) / NS_PER_S:.2f} s" if abs(by_ns) > LEAST_NS else f"{abs(by_ns) * 1e-6:.0f} ms"
 
 
 def sides(found: Sequence[Reset], begin_ns: int, end_ns: int) -> list[tuple[int, int]]:
@@ -73,7 +117,7 @@ def reset_finding(found: Sequence[Reset], used: Sequence[tuple[int, int]], begin
     return Finding(
         code="clock.set",
         level="warning",
-        text=f"The stamps on {' and '.join(topics)} jump {way} by {abs(first.by_ns) / NS_PER_S:.2f} s"
+        text=f"The stamps on {' and '.join(topics)} jump {way} by {_amount(first.by_ns)}"
         f" {(first.at_ns - begin_ns) / NS_PER_S:.1f} s after the start{often} as when a clock is set or a playback begins anew:"
         f" only what was received from {since_s:.1f} s to {until_s:.1f} s is used.",
         evidence=(

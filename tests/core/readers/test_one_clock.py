@@ -61,6 +61,63 @@ def test_what_is_late_or_lost_is_no_clock_that_was_set(case: str) -> None:
     assert resets(HeaderTimes(header_ns, receive_ns), "/points") == []
 
 
+def _quick(count: int = 3000, jitter_ns: float = 3e5) -> tuple[IntArray, IntArray]:
+    """Headers of 200 Hz, and receive times a millisecond later, more or less."""
+    header_ns = build.EPOCH_NS + 5_000_000 * np.arange(count, dtype=np.int64)
+    late_ns = 1_000_000 + np.random.default_rng(3).exponential(jitter_ns, count).astype(np.int64)
+    return header_ns, header_ns + late_ns
+
+
+@pytest.mark.parametrize("by_ns", [15_000_000, -15_000_000, 6_000_000])
+def test_a_clock_that_is_set_by_a_few_readings_is_found(by_ns: int) -> None:
+    """Seen: 15 ms, as three readings that were lost, and a solve of seven minutes that ended weakly.
+
+    Mutations: jumps of 50 ms alone; the place; the sign.
+    """
+    header_ns, receive_ns = _quick()
+    header_ns[1600:] += by_ns
+    (found,) = resets(HeaderTimes(header_ns, receive_ns), "/imu")
+    assert found.at_ns == receive_ns[1600]
+    assert abs(found.by_ns - by_ns) < 100_000
+
+
+@pytest.mark.parametrize(
+    "case",
+    [
+        "lost",
+        "a full queue",
+        "jitter",
+        "a clock that is led to and fro",
+        "stamped by a busy host",
+        "bundles",
+        "stamped on arrival",
+    ],
+)
+def test_what_jumps_by_a_few_readings_is_no_clock_that_was_set(case: str) -> None:
+    """Mutations: a lag that stays for ten messages is enough; its variation is not asked; how often is not asked."""
+    header_ns, receive_ns = _quick()
+    rng = np.random.default_rng(4)
+    match case:
+        case "lost":
+            header_ns, receive_ns = np.delete(header_ns, range(1600, 1603)), np.delete(receive_ns, range(1600, 1603))
+        case "a full queue":  # the recorder falls behind by 20 ms, and drops what has queued up
+            receive_ns[1500:1600] += np.linspace(0, 20_000_000, 100).astype(np.int64)
+            header_ns, receive_ns = np.delete(header_ns, range(1600, 1604)), np.delete(receive_ns, range(1600, 1604))
+        case "jitter":
+            header_ns += rng.normal(0.0, 2e6, header_ns.size).astype(np.int64)
+        case "a clock that is led to and fro":
+            header_ns += (8e6 * np.sin(2 * np.pi * (header_ns - header_ns[1600]) / 8e9)).astype(np.int64)
+            header_ns[1600] += 7_000_000
+        case "stamped by a busy host":
+            header_ns[1500:1560] += 12_000_000
+        case "bundles":
+            header_ns = header_ns[19::20].repeat(20)
+        case "stamped on arrival":
+            header_ns = receive_ns - 100_000
+            header_ns[1600:], receive_ns[1600:] = header_ns[1600:] + 15_000_000, receive_ns[1600:] + 15_000_000
+    assert resets(HeaderTimes(header_ns, receive_ns), "/imu") == []
+
+
 def test_the_longest_side_comes_first() -> None:
     """Mutation: the later of equally long ones."""
     header_ns, receive_ns = _stamped()
