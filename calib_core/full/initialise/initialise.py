@@ -124,7 +124,7 @@ def _turns(run: Run, lidar: LidarTrack) -> bool:
 
 def _require_gravity(run: Run) -> None:
     """Raise Refused where what the accelerometer shows is gravity in another unit."""
-    if complaint := gravity_complaint(run.recording.imu, run.settings.gravity.magnitude_m_s2):
+    if complaint := gravity_complaint(run.clocks.imu_s, run.recording.imu, run.settings.gravity.magnitude_m_s2):
         raise Refused("imu.accelerometer_unit", complaint)
 
 

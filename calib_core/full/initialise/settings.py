@@ -300,6 +300,8 @@ class Signs:
     step_s: float = 0.01
     #: judged: with so many spans: a second of scans. Only the reason that is told depends on it.
     fewest_spans: int = 10
+    #: judged: what shakes a rig does so to and fro within a second, so that gravity is what is left. Longer, turns take it away.
+    gravity_over_s: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
+from calib_core.full.initialise.axis_signs import gravity_complaint
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import Finding, Recording
+from calib_core.types import Finding, ImuData, Recording
 
 BOTH = (1.0, 1.0, 1.0)
 
@@ -52,6 +53,33 @@ def test_a_misread_imu_is_named(
     result = calibrate(replace(recording, imu=imu), CalibrateSettings()).result
     assert result.status == "refused"
     assert [(m.code, says in m.text) for m in result.messages if m.level == "error"] == [(code, True)]
+
+
+@pytest.mark.parametrize(
+    ("swing_m_s2", "turns_rad_s", "unit", "says"),
+    [
+        (50.0, 0.0, 1.0, ""),
+        (5.0, 6.0, 1.0, ""),
+        (50.0, 0.0, 9.80665, "m_s2"),
+        (5.0, 0.0, 9.80665, "m_s2"),
+        (5.0, 0.0, 1 / 9.80665, "unit g"),
+    ],
+)
+def test_gravity_is_told_of_a_rig_that_is_shaken_and_of_one_that_turns(
+    swing_m_s2: float, turns_rad_s: float, unit: float, says: str
+) -> None:
+    """Shaken to and fro five times a second by 50 m/s2, or turned over once a second. Seen: "3.35 times gravity", refused.
+
+    Mutations: reading by reading alone; on average alone.
+    """
+    t_s = np.arange(0.0, 12.0, 0.005)
+    turned = turns_rad_s * t_s
+    gravity = 9.81 * np.stack([np.sin(turned), np.zeros_like(t_s), np.cos(turned)], axis=1)
+    accel = gravity + swing_m_s2 * np.sin(2 * np.pi * 5.0 * t_s)[:, None] * np.array([1.0, 0.0, 0.0])
+    imu = ImuData((t_s * 1e9).astype(np.int64), np.zeros_like(accel), accel * unit)
+    complaint = gravity_complaint(t_s, imu, 9.81)
+    assert bool(complaint) == bool(says)
+    assert says in complaint
 
 
 def test_a_mirrored_cloud_is_thought_of(noisy: tuple[Recording, Truth]) -> None:
