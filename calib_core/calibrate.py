@@ -188,8 +188,10 @@ def _broken(answer: Answer, recording: Recording, heard: Heard) -> tuple[Sides, 
     """Where a recording whose parts disagree falls in two that may not, and what is said of it; None where it is of one piece."""
     step = clock_step_of(answer, recording)
     if step is not None:
-        what = f"the two clocks were set against each other {_between(step.within_s)}"
-        return step, _said("clock.set", what, step, "find out which clock jumps and give it a source of time")
+        # A mount that slips asks stretches for other offsets as well.
+        what = f"the two clocks were set against each other, or the mount slipped, {_between(step.within_s)}"
+        cure = "find out which clock jumps and give it a source of time, or fasten the mount"
+        return step, _said("clock.set", what, step, cure)
     silence = imu_silence(recording, answer.time_offset_ns) if _disagrees(heard) else None
     if silence is not None:
         what = f"the IMU is silent {_between(silence.within_s)}, and what lies before does not go with what lies after"
