@@ -55,6 +55,7 @@ _BLOCKS: dict[str, dict[str, float]] = {
     "gyro-rotation": {"gyroscope_rotation": 1.0},
     "accel-delay": {"accelerometer_delay": 1.0},
     "g-sensitivity": {"g_sensitivity": 1.0},
+    "size-effect": {"size_effect": 1.0},
     "clock-rate": {"clock_rate": 1.0},
 }
 

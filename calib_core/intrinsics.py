@@ -4,9 +4,13 @@ IMU frame: the accelerometer's x axis and xy plane define it; the gyroscope is t
 rate and specific force in that frame:
 
     gyroscope reading(t)     = (I + S_g + N_g) Exp(r_g) w(t) + F a(t) + bias + noise
-    accelerometer reading(t) = (I + S_a + N_a) a(t - delay) + bias + noise
+    accelerometer reading(t) = (I + S_a + N_a) (a(t - delay) + e) + bias + noise
     S = diag(x, y, z)  scale,      N = strictly lower triangular (yx, zx, zy)  axes,      r_g  rotation of the gyroscope
     F = what the gyroscope feels of forces (xx, xy, ... zz: by rows), its g-sensitivity
+    e_k = axis k of  w' x r_k + w x (w x r_k),      r_k (kx, ky, kz)  where the accelerometer of axis k is: the size effect
+
+The IMU's place is the one where, as far as anybody knows, all its accelerometers are; where they turn out to be apart, their
+middle, which is then known no better than they are near one another.
 
 Clocks: t_lidar = t_imu + time_offset + rate 1e-6 (t_lidar - time_offset_at): the offset grows where the rate is positive.
 
@@ -32,6 +36,7 @@ Block = Literal[
     "accelerometer_axes",
     "accelerometer_delay",
     "g_sensitivity",
+    "size_effect",
     "clock_rate",
     "laser_range_offset",
     "laser_elevation",
@@ -71,6 +76,7 @@ KINDS: dict[Block, Kind] = {
     "accelerometer_axes": Kind("imu", "rad", LOWER),
     "accelerometer_delay": Kind("imu", "s", ("delay",)),
     "g_sensitivity": Kind("imu", "rad/s/(m/s2)", tuple(row + column for row in AXES for column in AXES)),
+    "size_effect": Kind("imu", "m", tuple(row + column for row in AXES for column in AXES)),
     "clock_rate": Kind("clock", "ppm", ("rate",)),
     "laser_range_offset": Kind("laser", "m"),
     "laser_elevation": Kind("laser", "rad"),

@@ -90,6 +90,7 @@ RECORDS = (
     ("assess", "calib_core/full/assess/settings.py", "Given"),
     ("assess", "calib_core/full/assess/settings.py", "ClockSteps"),
     ("assess", "calib_core/full/assess/settings.py", "Silence"),
+    ("assess", "calib_core/full/assess/settings.py", "AccelerometersApart"),
     ("forecast", "calib_core/full/forecast.py", "Forecasting"),
 )
 #: Where numbers steer: the stages, and the search for planes that they share.

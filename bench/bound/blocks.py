@@ -5,8 +5,8 @@ in the IMU's axes, a gyroscope reads too much by
 
     diag(w) scale + (0, yx w_x, zx w_x + zy w_y) axes + r x w rotation + F f,
 
-an accelerometer by the like of f and by -f' delay. An error of a parameter does to the motion what a bias of that size
-does. A range is too long by
+an accelerometer by the like of f, by -f' delay and, axis k, by that axis of w' x place_k + w x (w x place_k). An error of a
+parameter does to the motion what a bias of that size does. A range is too long by
 
     offset,   d scale,   1 / c - 1 incidence,   d (n . up) / c elevation,   d (n . side) / c azimuth
 
@@ -35,6 +35,7 @@ _ONCE = {
     "accelerometer_axes": 3,
     "accelerometer_delay": 1,
     "g_sensitivity": 9,
+    "size_effect": 9,
     "clock_rate": 1,
     "range_offset": 1,
     "incidence": 1,
@@ -73,12 +74,18 @@ class Blocks:
         errors[:, :, self.places["g_sensitivity"]] = np.einsum("ij,nk->nijk", np.eye(3), force_m_s2).reshape(-1, 3, 9)
         return errors
 
-    def force_errors(self, force_m_s2: FloatArray, jerk_m_s3: FloatArray) -> FloatArray:
-        """(N, 3, size) of accelerometer readings, by parameter. force_m_s2: (N, 3) and jerk_m_s3: its slope, IMU axes."""
+    def force_errors(
+        self, force_m_s2: FloatArray, jerk_m_s3: FloatArray, rate_rad_s: FloatArray, slope_rad_s2: FloatArray
+    ) -> FloatArray:
+        """(N, 3, size) of accelerometer readings, by parameter. force_m_s2: (N, 3) and jerk_m_s3: its slope, rate_rad_s and
+        slope_rad_s2: of the turn, IMU axes."""
         errors = np.zeros((len(force_m_s2), 3, self.size))
         errors[:, :, self.places["accelerometer_scale"]] = _diagonal(force_m_s2)
         errors[:, :, self.places["accelerometer_axes"]] = _lower(force_m_s2)
         errors[:, :, self.places["accelerometer_delay"]] = -jerk_m_s3[:, :, None]
+        spin = cross_matrix(rate_rad_s)
+        by_place = cross_matrix(slope_rad_s2) + spin @ spin
+        errors[:, :, self.places["size_effect"]] = np.einsum("ij,njk->nijk", np.eye(3), by_place).reshape(-1, 3, 9)
         return errors
 
     def range_errors(self, seen: Returns, normals_lidar: FloatArray, middle_s: float, offset: FloatArray) -> FloatArray:

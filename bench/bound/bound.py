@@ -165,8 +165,9 @@ def instants(
             for step in (0.0, -JERK_STEP_S, JERK_STEP_S)
         ]
         jerk = (around[2] - around[1]) / (2.0 * JERK_STEP_S)
+        rate, slope = middles.omega_rad_s, middles.alpha_rad_s2
         add_to_steps(
-            back, columns, blocks.rate_errors(middles.omega_rad_s, around[0]), blocks.force_errors(around[0], jerk)
+            back, columns, blocks.rate_errors(rate, around[0]), blocks.force_errors(around[0], jerk, rate, slope)
         )
     scenario = simulation.scenario
     range_std_m = scenario.lidar.range_std_m * assumed.range_noise_factor / np.sqrt(assumed.every)

@@ -1,8 +1,10 @@
-"""The IMU with its own parameters as Kalibr's imu.yaml, model `scale-misalignment`.
+"""The IMU with its own parameters as Kalibr's imu.yaml, model `scale-misalignment`, or `scale-misalignment-size-effect`.
 
 Kalibr predicts readings as M a + bias of the accelerometer and M C_gyro_i w + A C_gyro_i a + bias of the gyroscope, M lower
 triangular, in the frame that the accelerometer defines (IccSensors.py, IccScaledMisalignedImu). That is ours word for word:
-M = I + S + N of each, C_gyro_i = Exp(r), and A C_gyro_i = F, what the gyroscope feels of forces. Kalibr adds `time_offset` to an
+M = I + S + N of each, C_gyro_i = Exp(r), and A C_gyro_i = F, what the gyroscope feels of forces. Where accelerometers turned out
+to be apart, rx_i, ry_i and rz_i are where they are, about the same middle as the extrinsic's; Kalibr's own have the x axis' at
+zero (IccScaledMisalignedSizeEffectImu). Kalibr adds `time_offset` to an
 IMU's stamps to have them in the clock of reference, which here is the lidar's.
 """
 
@@ -49,6 +51,8 @@ def kalibr_imu(result: CalibrationResult) -> str:
         )
     scale_gyro, axes_gyro, turn, scale_accel, axes_accel, felt = (_values(result, block) for block in _BLOCKS)
     extrinsic, C_gyro_i = extrinsic_of(result), _rotation(turn)
+    apart = [each.value for each in result.intrinsics if each.block == "size_effect"]
+    places = [f"    r{axis}_i: [{decimals(r)}]\n" for axis, r in zip("xyz", np.reshape(apart, (-1, 3)), strict=False)]
     return (
         extrinsic.hash_comments(*_remarks(result))
         + "imu0:\n"
@@ -56,11 +60,12 @@ def kalibr_imu(result: CalibrationResult) -> str:
         + _noise(noise)
         + "  accelerometers:\n"
         + _matrix("    M", _lower(scale_accel, axes_accel))
+        + "".join(places)
         + "  gyroscopes:\n"
         + _matrix("    M", _lower(scale_gyro, axes_gyro))
         + _matrix("    A", felt.reshape(3, 3) @ C_gyro_i.T)
         + _matrix("    C_gyro_i", C_gyro_i)
-        + "  model: scale-misalignment\n"
+        + f"  model: scale-misalignment{'-size-effect' if places else ''}\n"
         + f"  rostopic: {json.dumps(printable(recording.imu_topic))}\n"
         + _time(extrinsic)
         + f"  update_rate: {decimal(rate_hz)}\n"

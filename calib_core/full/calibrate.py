@@ -17,7 +17,9 @@ import numpy as np
 
 from calib_core.document import Answer
 from calib_core.errors import Refused
+from calib_core.full.assess.confidence import Confidence
 from calib_core.full.assess.plausibility import implausible
+from calib_core.full.assess.size_effect import with_accelerometers_apart
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
@@ -80,7 +82,7 @@ def calibrate_full(
         def judged(run: Run, solved: Solved) -> Answer:
             if schedule.chosen:
                 require_sound_choice(solved)
-            return answer(run, solved, weigh(run, solved, is_choice=schedule.chosen), lidar)
+            return answer(run, *weighed(run, solved, is_choice=schedule.chosen), lidar)
 
         return with_sensors_as_they_are(run, counting, solved, judged)
 
@@ -167,6 +169,24 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
     )
     run.say("warning", "sensor.astray", text)
     return judged(held, without)
+
+
+def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confidence]:
+    """What is known by a solve; gone on with each accelerometer's place where they turn out to be apart."""
+    unsay = run.attempt()
+    trust = weigh(run, solved, is_choice=is_choice)
+    apart = with_accelerometers_apart(run, solved, trust.found)
+    if apart is None:
+        return solved, trust
+    unsay()
+    try:
+        further = estimate_further(run, apart, FULL)
+        return further, weigh(run, further, is_choice=is_choice)
+    except Refused as refused:
+        if not refused.code.startswith("solve."):
+            raise
+    unsay()
+    return solved, weigh(run, solved, is_choice=is_choice)
 
 
 @dataclass(frozen=True)

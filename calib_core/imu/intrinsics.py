@@ -11,12 +11,13 @@ would; over one link (10 ms) r' is as good as its mean. So every parameter's Jac
 link, and no factor has to know of intrinsics. An accelerometer late by `delay` is asked that much later (`upsample`); a change
 of the delay by d is a bias greater by -d/dt r'_a d. What the gyroscope feels of forces, F a, is taken out with the corrected
 accelerometer's r'_a, whose own bias is part of the gyroscope's then; a change dF is a bias greater by M_g^-1 dF r'_a, and one
-that is a bias of the accelerometer greater by db is one of the gyroscope less by M_g^-1 F db.
+that is a bias of the accelerometer greater by db is one of the gyroscope less by M_g^-1 F db. An accelerometer that sits beside
+the IMU's place by r feels w' x r + w x (w x r) more, which is linear in r: a change dr is a bias greater by the same of dr.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -31,7 +32,7 @@ _LOWER = ((1, 0), (2, 0), (2, 1))
 class ImuIntrinsics:
     """Values in the order of their names: scales (3,), axes yx zx zy (3,) [rad], rotation (3,) [rad], delay [s].
 
-    g_sensitivity: (9,) F by rows [rad/s/(m/s2)].
+    g_sensitivity: (9,) F by rows [rad/s/(m/s2)].   size_effect: (9,) by rows, where each axis' accelerometer is [m].
     """
 
     gyro_scale: FloatArray
@@ -41,6 +42,7 @@ class ImuIntrinsics:
     accel_axes: FloatArray
     accel_delay_s: float
     g_sensitivity: FloatArray
+    size_effect: FloatArray = field(default_factory=lambda: np.zeros(9))
 
     @property
     def gyro(self) -> FloatArray:
@@ -63,8 +65,14 @@ def _triangular(scale: FloatArray, axes: FloatArray) -> FloatArray:
 def corrected(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> UpsampledImu:
     """The readings with M taken out. The delay is the upsampling's own."""
     G, A = np.linalg.inv(intrinsics.gyro), np.linalg.inv(intrinsics.accel)
-    accel, knot_accel = readings.accel @ A.T, readings.knot_accel @ A.T
     F = intrinsics.g_sensitivity.reshape(3, 3)
+    accel, knot_accel = readings.accel @ A.T, readings.knot_accel @ A.T
+    if intrinsics.size_effect.any():
+        rate, knot_rate = (readings.gyro - accel @ F.T) @ G.T, (readings.knot_gyro - knot_accel @ F.T) @ G.T
+        slope = np.asarray(np.gradient(rate.reshape(-1, 3), readings.gauss_s.ravel(), axis=0)).reshape(rate.shape)
+        accel = accel - felt_beside(rate, slope) @ intrinsics.size_effect
+        knot_slope = np.asarray(np.gradient(knot_rate, readings.spacing_s, axis=0))
+        knot_accel = knot_accel - felt_beside(knot_rate, knot_slope) @ intrinsics.size_effect
     return replace(
         readings,
         gyro=(readings.gyro - accel @ F.T) @ G.T,
@@ -74,12 +82,26 @@ def corrected(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> UpsampledImu
     )
 
 
-#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1, g-sensitivity 9.
-COLUMNS = 25
+def felt_beside(rate_rad_s: FloatArray, slope_rad_s2: FloatArray) -> FloatArray:
+    """What accelerometers feel more by a unit of each of the nine by which they are beside the IMU's place: (..., 3, 9).
+
+    rate_rad_s, slope_rad_s2: (..., 3) rate of turn and its derivative.
+    """
+    spin = hat(rate_rad_s)
+    by_place = hat(slope_rad_s2) + spin @ spin
+    felt = np.zeros((*rate_rad_s.shape, 9))
+    for axis in range(3):
+        felt[..., axis, 3 * axis : 3 * axis + 3] = by_place[..., axis, :]
+    return felt
+
+
+#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1, g-sensitivity 9,
+#: size effect 9.
+COLUMNS = 34
 
 
 def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple[FloatArray, FloatArray]:
-    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 25), accelerometer (L, 3, 25).
+    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 34), accelerometer (L, 3, 34).
 
     readings: corrected about the intrinsics.   Units: rad/s and m/s2 per unit of the parameter.
     """
@@ -101,4 +123,6 @@ def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple
     gyro[:, :, 9:16] = -(G @ intrinsics.g_sensitivity.reshape(3, 3)) @ accel[:, :, 9:16]
     for row in range(3):
         gyro[:, :, 16 + 3 * row : 19 + 3 * row] = f[:, None, :] * G[:, row, None]
+    accel[:, :, 25:] = felt_beside(w, np.diff(readings.knot_gyro, axis=0) / readings.spacing_s)
+    gyro[:, :, 25:] = -(G @ intrinsics.g_sensitivity.reshape(3, 3)) @ accel[:, :, 25:]
     return gyro, accel

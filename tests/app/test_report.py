@@ -363,6 +363,7 @@ OWN = {
     "accelerometer_axes": [0.01, -0.02, 0.02],
     "accelerometer_delay": [0.02],  # two of its steps: nothing is lost between stamps
     "g_sensitivity": [0.004, 0.0, -0.003, 0.002, 0.001, 0.0, 0.0, 0.005, 0.002],
+    "size_effect": [0.03, -0.02, 0.01, 0.015, 0.02, -0.025, -0.01, 0.02, 0.03],
     "clock_rate": [300.0],
 }
 
@@ -370,7 +371,10 @@ OWN = {
 def _read_by_such_an_imu(recording):
     """The recording as an IMU with these errors gives it. Oracle: the equations of calib_core/intrinsics.py, written anew."""
     imu, at_s = recording.imu, (recording.imu.stamps_ns - recording.imu.stamps_ns[0]) * 1e-9
-    late = np.stack([np.interp(at_s - OWN["accelerometer_delay"][0], at_s, a) for a in imu.accel_m_s2.T], axis=1)
+    w, slope = imu.gyro_rad_s, np.gradient(imu.gyro_rad_s, at_s, axis=0)
+    beside = [np.cross(slope, r) + np.cross(w, np.cross(w, r)) for r in np.reshape(OWN["size_effect"], (3, 3))]
+    read = imu.accel_m_s2 + np.stack([beside[axis][:, axis] for axis in range(3)], axis=1)
+    late = np.stack([np.interp(at_s - OWN["accelerometer_delay"][0], at_s, a) for a in read.T], axis=1)
     matrices = []
     for kind in ("gyroscope", "accelerometer"):
         M = np.diag(1.0 + np.array(OWN[f"{kind}_scale"]))

@@ -37,6 +37,7 @@ def parameters_of(simulation: Simulation) -> np.ndarray:
         "accelerometer_axes": imu.accel_axes_rad,
         "accelerometer_delay": imu.accel_delay_s,
         "g_sensitivity": imu.g_sensitivity,
+        "size_effect": imu.accel_places_m,
         "clock_rate": simulation.faults.clock_rate_ppm,
         "range_offset": lidar.range_offset_m,
         "grazing": lidar.grazing_rad,
@@ -89,10 +90,12 @@ def test_ranges_err_as_the_columns_say(faults: str) -> None:
         "accel-scale=1e-4",
         "accel-delay=1e-5",
         "g-sensitivity=1e-5",
+        "size-effect=1e-4",
     ],
 )
 def test_readings_err_as_the_columns_say(faults: str) -> None:
-    """Mutations: the rotation's sign; the delay's; the axes' matrix transposed; that of the forces felt."""
+    """Mutations: the rotation's sign; the delay's; the axes' matrix transposed; that of the forces felt;
+    places by columns; the slope of the turn left out."""
     faulty, plain = spoiled(faults), spoiled("")
     t_s = plain.imu_messages.true_ns * 1e-9
     truth = plain.truth
@@ -101,7 +104,8 @@ def test_readings_err_as_the_columns_say(faults: str) -> None:
     jerk = (at(truth, t_s + h) - at(truth, t_s - h)) / (2 * h)
     values = parameters_of(faulty)
     gyro = BLOCKS.rate_errors(plain.imu_messages.gyro_rad_s, force) @ values
-    accel = BLOCKS.force_errors(force, jerk) @ values
+    turn = truth.imu(t_s)
+    accel = BLOCKS.force_errors(force, jerk, turn.omega_rad_s, turn.alpha_rad_s2) @ values
     for made, expected in (
         (faulty.imu_messages.gyro_rad_s - plain.imu_messages.gyro_rad_s, gyro),
         (faulty.imu_messages.accel_m_s2 - force, accel),
@@ -121,7 +125,8 @@ def test_a_scale_moves_as_the_bias_that_it_amounts_to() -> None:
     rate, force = rng.standard_normal((1, 3)), rng.standard_normal((1, 3))
     R = np.linalg.qr(rng.standard_normal((3, 3)))[0][None]
     back = steps_back(R, (R @ force[..., None])[..., 0], 0.01, columns)
-    add_to_steps(back, columns, BLOCKS.rate_errors(rate, force), BLOCKS.force_errors(force, np.zeros((1, 3))))
+    none = np.zeros((1, 3))
+    add_to_steps(back, columns, BLOCKS.rate_errors(rate, force), BLOCKS.force_errors(force, none, rate, none))
     of = {name: columns.extra.start + place.start for name, place in BLOCKS.places.items()}
     np.testing.assert_allclose(
         back[0, :9, of["gyroscope_scale"] + 1], rate[0, 1] * back[0, :9, columns.gyro_bias.start + 1], atol=1e-15

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.factors.laser_features import LaserErrors
-from calib_core.imu.intrinsics import ImuIntrinsics
+from calib_core.imu.intrinsics import ImuIntrinsics, felt_beside
 from calib_core.intrinsics import KINDS, NAMES, Block
 from calib_core.result import CalibrationResult
 from calib_core.types import FloatArray, ImuData, Recording, Scan
@@ -99,10 +99,15 @@ def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
         accel_axes=values("accelerometer_axes"),
         accel_delay_s=float(values("accelerometer_delay")[0]),
         g_sensitivity=values("g_sensitivity"),
+        size_effect=values("size_effect"),
     )
     at_s = (imu.stamps_ns - imu.stamps_ns[0]) * 1e-9
     # Late by the delay: what happened at an instant is read so much after it.
     read = np.stack([np.interp(at_s + own.accel_delay_s, at_s, axis) for axis in imu.accel_m_s2.T], axis=1)
     accel = read @ np.linalg.inv(own.accel).T
-    gyro = (imu.gyro_rad_s - accel @ own.g_sensitivity.reshape(3, 3).T) @ np.linalg.inv(own.gyro).T
+    G, F = np.linalg.inv(own.gyro), own.g_sensitivity.reshape(3, 3)
+    if own.size_effect.any():
+        rate = (imu.gyro_rad_s - accel @ F.T) @ G.T
+        accel = accel - felt_beside(rate, np.gradient(rate, at_s, axis=0)) @ own.size_effect
+    gyro = (imu.gyro_rad_s - accel @ F.T) @ G.T
     return replace(imu, stamps_ns=stamps_ns, gyro_rad_s=gyro, accel_m_s2=accel)

@@ -135,6 +135,14 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         most = np.degrees(max(abs(p.value) for p in felt)) * STANDARD_GRAVITY_M_S2
         text = f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
         tell(felt, "sensor.g_sensitivity", text)
+    # None of them need be beyond chance by itself: where their middle is, is not told.
+    if beside := [p for p in parameters if p.block == "size_effect"]:
+        r_m = np.reshape([p.value for p in beside], (3, 3))
+        most_mm = 1e3 * max(float(np.linalg.norm(r_m[a] - r_m[b])) for a, b in ((0, 1), (0, 2), (1, 2)))
+        prior_mm = 1e3 * beside[0].prior_std / len(r_m) ** 0.5
+        text = f"the IMU's accelerometers are up to {two_digits(most_mm)} mm apart; {taken}, and the translation is the one to "
+        text += f"their middle, which may be {two_digits(prior_mm)} mm from the IMU's origin along each axis"
+        tell(beside, "sensor.size_effect", text)
     if rate := by["clock_rate"]:
         how = "gains" if rate[0].value > 0 else "loses"
         text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"

@@ -125,5 +125,23 @@ class Silence:
     least_s: float = 0.35
 
 
+@dataclass(frozen=True, slots=True)
+class AccelerometersApart:
+    """When an IMU's accelerometers are taken to be in different places."""
+
+    #: judged: allowed while they are asked for: boards with a part for each axis have them within it.
+    tried_m: float = 0.02
+    #: derived: of the six by which three are beside their middle, what is told to less than a quarter of that variance is told by
+    #: the data rather than by what is allowed, and two leave a place of one of them open: three tell something of each.
+    known: float = 0.25
+    fewest: int = 3
+    #: derived: chance alone makes as much in one recording of a million.
+    chance: float = 1e-6
+    #: judged: a chip has them within a millimetre.
+    least_m: float = 1e-3
+    #: derived: a size is known to a third at best from six numbers: steps of a fiftieth are finer than that.
+    step: float = 1.02
+
+
 PLAUSIBLE, WORDING, PARTS, GIVEN = Plausible(), Wording(), Parts(), Given()
-CLOCK_STEP, SILENCE = ClockSteps(), Silence()
+CLOCK_STEP, SILENCE, APART = ClockSteps(), Silence(), AccelerometersApart()

@@ -29,6 +29,7 @@ _CALLED: dict[Block, str] = {
     "accelerometer_axes": "the angles between the accelerometer's axes",
     "accelerometer_delay": "the accelerometer's delay",
     "g_sensitivity": "what the gyroscope feels of forces",
+    "size_effect": "where the accelerometers sit",
     "clock_rate": "the clocks' rate",
     "laser_range_offset": "range offsets of lasers",
     "laser_elevation": "elevations of lasers",

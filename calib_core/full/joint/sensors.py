@@ -48,6 +48,7 @@ def imu_intrinsics(nuisance: Nuisance, values: FloatArray) -> ImuIntrinsics:
         accel_axes=nuisance.values(values, "accelerometer_axes"),
         accel_delay_s=float(nuisance.values(values, "accelerometer_delay")[0]),
         g_sensitivity=nuisance.values(values, "g_sensitivity"),
+        size_effect=nuisance.values(values, "size_effect"),
     )
 
 

@@ -41,6 +41,8 @@ TONE: Literal["tone"] = "tone"
 #: Of the room, too: by how much each plane's material lengthens ranges, beside what all do. Admitted with the sensors.
 MATERIAL: Literal["material"] = "material"
 AnyBlock = Block | Literal["surface", "tone", "material"]
+#: Of the IMU, but in no sheet: admitted where the accelerometers turn out to be apart.
+SIZE_EFFECT: Literal["size_effect"] = "size_effect"
 _OF_NO_SENSOR = (MATERIAL, TONE, SURFACE)
 _TONE_NAMES = (
     *(
@@ -160,6 +162,13 @@ class Nuisance:
         block = NuisanceBlock(MATERIAL, tuple(map(str, range(planes))), np.repeat(self.prior_std[place], planes))
         own = self.sensors.blocks
         return replace(self, blocks=(*own, block, *self.blocks[len(own) :]))
+
+    def with_size_effect(self, std_m: float) -> Nuisance:
+        """With where each axis' accelerometer is as unknowns, so far from the middle, after the sensors' own; instead of those
+        that were there."""
+        own = tuple(each for each in self.sensors.blocks if each.block != SIZE_EFFECT)
+        block = NuisanceBlock(SIZE_EFFECT, NAMES[SIZE_EFFECT], np.full(len(NAMES[SIZE_EFFECT]), std_m))
+        return replace(self, blocks=(*own, block, *self.blocks[len(self.sensors.blocks) :]))
 
     def of_planes(self, keep: BoolArray, values: FloatArray) -> tuple[Nuisance, FloatArray]:
         """Of some of the planes (P,) alone, and the values (N,) of those. The patches of surfaces have to be found anew."""
@@ -293,6 +302,7 @@ def choose_nuisance(
         "accelerometer_axes": imu.accelerometer_axes_std_rad,
         "accelerometer_delay": imu.accelerometer_delay_std_s,
         "g_sensitivity": imu.g_sensitivity_std_rad_s_m_s2,
+        "size_effect": 0.0,  # admitted where it shows (assess/size_effect.py)
         "clock_rate": clock_rate_std_ppm,
         "laser_range_offset": lidar.laser_range_offset_std_m,
         "laser_elevation": lidar.laser_elevation_std_rad,

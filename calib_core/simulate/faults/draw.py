@@ -29,6 +29,8 @@ _USUAL = {
     "materials": 0.003,
     # MEMS data sheets: some 0.1 deg/s/g.
     "g-sensitivity": 1e-4,
+    # Boards with a part for each axis.
+    "size-effect": 0.005,
     "low-pass": 40.0,
     "stamp-latency": 0.0005,
     # The latency timer of the usual USB serial adapter.
@@ -181,28 +183,33 @@ def _imu(found: ImuDeviations, fault: Fault, draws: Draws) -> ImuDeviations:
     prior, name, size = draws.imu_prior, fault.name, fault.size
     match name:
         case "gyro-scale":
-            return replace(found, gyro_scale=draws.axes(name, prior.gyroscope_scale_std if size is None else size))
+            found = replace(found, gyro_scale=draws.axes(name, prior.gyroscope_scale_std if size is None else size))
         case "accel-scale":
-            return replace(found, accel_scale=draws.axes(name, prior.accelerometer_scale_std if size is None else size))
+            found = replace(
+                found, accel_scale=draws.axes(name, prior.accelerometer_scale_std if size is None else size)
+            )
         case "imu-axes":
             gyro, accel = (
                 (prior.gyroscope_axes_std_rad, prior.accelerometer_axes_std_rad) if size is None else (size, size)
             )
-            return replace(
+            found = replace(
                 found,
                 gyro_axes_rad=draws.axes("gyroscope axes", gyro),
                 accel_axes_rad=draws.axes("accelerometer axes", accel),
             )
         case "gyro-rotation":
             std = prior.gyroscope_rotation_std_rad if size is None else size
-            return replace(found, gyro_rotation_rad=draws.axes(name, std))
+            found = replace(found, gyro_rotation_rad=draws.axes(name, std))
         case "g-sensitivity":
             values = _usual(fault) * draws.rng(name).standard_normal(9)
-            return replace(found, g_sensitivity=tuple(float(value) for value in values))
+            found = replace(found, g_sensitivity=tuple(float(value) for value in values))
         case "accel-delay":
-            return replace(found, accel_delay_s=draws.once(fault, prior.accelerometer_delay_std_s))
+            found = replace(found, accel_delay_s=draws.once(fault, prior.accelerometer_delay_std_s))
+        case "size-effect":
+            places_m = _usual(fault) * draws.rng(name).standard_normal(9)
+            found = replace(found, accel_places_m=tuple(places_m.tolist()))
         case "low-pass":
-            return replace(found, low_pass_hz=_usual(fault))
+            found = replace(found, low_pass_hz=_usual(fault))
     return found
 
 

@@ -1,10 +1,11 @@
 """Inertial readings of an IMU that is not ideal.
 
-    gyroscope(t)     = (I + S_g + N_g) Exp(r_g) w(t) + A f(t)          S: scales of the axes, on the diagonal
-    accelerometer(t) = (I + S_a + N_a) f(t - delay)                    N: axes off square, strictly below it
+    gyroscope(t)     = (I + S_g + N_g) Exp(r_g) w(t) + A (f + e)(t)    S: scales of the axes, on the diagonal
+    accelerometer(t) = (I + S_a + N_a) (f + e)(t - delay)              N: axes off square, strictly below it
 
-with w, f the true angular rate and specific force in the axes that the accelerometer defines. A low-pass filter (second
-order, Butterworth) acts on w and f before; the stamps allow for its delay, so that slow motion is in time.
+with w, f the true angular rate and specific force in the axes that the accelerometer defines, and e what axis k feels of turns
+for sitting at r_k instead of the IMU's place: axis k of w' x r_k + w x (w x r_k). A low-pass filter (second order,
+Butterworth) acts on all of them before; the stamps allow for its delay, so that slow motion is in time.
 """
 
 from __future__ import annotations
@@ -24,12 +25,14 @@ _ZERO = (0.0, 0.0, 0.0)
 Readings = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 #: Points at which the filter's answer is integrated, and the time constants after which it is over (it is then below 1e-7).
 _FILTER_POINTS, _FILTER_LASTS = 48, 16.0
+#: Half the span of the difference that is the rate's derivative: motion of 100 Hz loses 2e-8 of it.
+_SLOPE_S = 5e-7
 
 
 @dataclass(frozen=True, slots=True)
 class ImuDeviations:
     """What sets one IMU apart from an ideal one; see the module. *_axes_rad: yx, zx, zy.   g_sensitivity: A by rows
-    [rad/s/(m/s2)].   low_pass_hz: 0 for none."""
+    [rad/s/(m/s2)].   accel_places_m: r_x, r_y, r_z.   low_pass_hz: 0 for none."""
 
     gyro_scale: Vector = _ZERO
     gyro_axes_rad: Vector = _ZERO
@@ -38,13 +41,15 @@ class ImuDeviations:
     accel_axes_rad: Vector = _ZERO
     g_sensitivity: tuple[float, ...] = (0.0,) * 9
     accel_delay_s: float = 0.0
+    accel_places_m: tuple[float, ...] = (0.0,) * 9
     low_pass_hz: float = 0.0
 
     def readings(self, exact: Readings, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What this IMU reads, without noise and bias, where an ideal one would read `exact`. t_s: (N,) [s]."""
         if self == IDEAL_IMU:
             return exact(t_s)
-        seen = filtered(exact, self.low_pass_hz) if self.low_pass_hz else exact
+        felt = apart(exact, np.reshape(self.accel_places_m, (3, 3))) if any(self.accel_places_m) else exact
+        seen = filtered(felt, self.low_pass_hz) if self.low_pass_hz else felt
         rate, force = seen(t_s)
         late = seen(t_s - self.accel_delay_s)[1] if self.accel_delay_s else force
         turned = Rotation.from_rotvec(self.gyro_rotation_rad).as_matrix()
@@ -61,6 +66,21 @@ def mixing(scale: Vector, axes_rad: Vector) -> FloatArray:
     matrix = np.diag(1.0 + np.asarray(scale, dtype=np.float64))
     matrix[1, 0], matrix[2, 0], matrix[2, 1] = axes_rad
     return matrix
+
+
+def apart(exact: Readings, places_m: FloatArray) -> Readings:
+    """The readings where the accelerometer of each axis sits elsewhere. places_m: (3, 3) r_x, r_y, r_z by rows."""
+
+    def felt(t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        rate, force = exact(t_s)
+        slope = (exact(t_s + _SLOPE_S)[0] - exact(t_s - _SLOPE_S)[0]) / (2.0 * _SLOPE_S)
+        more = [
+            (np.cross(slope, place) + np.cross(rate, np.cross(rate, place)))[:, axis]
+            for axis, place in enumerate(places_m)
+        ]
+        return rate, force + np.stack(more, axis=1)
+
+    return felt
 
 
 def filtered(exact: Readings, cutoff_hz: float) -> Readings:

@@ -48,10 +48,8 @@ def _of_imu(imu: ImuDeviations) -> Iterator[Parameter]:
     yield from _block("accelerometer_scale", imu.accel_scale)
     yield from _block("accelerometer_axes", imu.accel_axes_rad)
     yield from _block("accelerometer_delay", (imu.accel_delay_s,))
-    if any(imu.g_sensitivity):
-        names = [row + column for row in "xyz" for column in "xyz"]
-        for name, value in zip(names, imu.g_sensitivity, strict=True):
-            yield "g_sensitivity", name, "rad/s/(m/s2)", value
+    yield from _block("g_sensitivity", imu.g_sensitivity)
+    yield from _block("size_effect", imu.accel_places_m)
     if imu.low_pass_hz:
         yield "low_pass", "cutoff", "Hz", imu.low_pass_hz
 

@@ -194,6 +194,16 @@ def test_an_imu_as_kalibr_reads_it() -> None:
     assert (imu["accelerometer_noise_density"], imu["accelerometer_random_walk"]) == (1.18e-3, 4e-4)
 
 
+def test_accelerometers_apart_as_kalibr_reads_them() -> None:
+    """Row k of the block is where axis k's is. Mutations: by columns; the name of the model that has none."""
+    names = [row + column for row in "xyz" for column in "xyz"]
+    found = [parameter("size_effect", name, 1e-3 * k) for k, name in enumerate(names)]
+    imu = yaml.safe_load(export(imu_result(parameter("gyroscope_scale", "x", 0.004), *found), "kalibr-imu"))["imu0"]
+    assert imu["model"] == "scale-misalignment-size-effect"
+    assert imu["accelerometers"]["rx_i"] == [0.0, 0.001, 0.002]
+    assert imu["accelerometers"]["rz_i"] == [0.006, 0.007, 0.008]
+
+
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 0.005, 0.3, 3.0])
 def test_the_gyroscopes_turn_agrees_with_scipy(angle: float) -> None:
     """Mutation: the half angle's square left out; a division by zero at no turn."""

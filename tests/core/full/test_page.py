@@ -226,6 +226,44 @@ def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer
     assert len(told(away, "held", away)) == 3  # and that the sensors are held
 
 
+def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Weighed again then, with nothing of what was said of the first; as it was where that comes to no end.
+
+    Mutations: the first one's confidence; both sentences, or neither; a refusal of the second let through; what it said kept.
+    """
+    heard = Heard(lambda _: None, [Message(code="first", level="info", text="before")])
+    unused: Any = None
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, heard=heard)
+
+    def weigh(run: Run, solved: Any, *, is_choice: bool) -> Any:
+        run.say("info", "weighed", f"{solved}, a choice {is_choice}")
+        if str(solved) == "astray":
+            raise Refused("solve.inconsistent", "no")
+        return SimpleNamespace(found=("disagrees",), of=solved)
+
+    def further(run: Run, solved: Any, schedule: Any) -> Any:
+        run.say("info", "further", "goes on")
+        return ends[solved]
+
+    def apart(run: Run, solved: Any, found: Any) -> Any:
+        assert found == ("disagrees",)
+        return next((then for then in ends if then == f"{solved} apart"), None)
+
+    monkeypatch.setattr(page, "weigh", weigh)
+    monkeypatch.setattr(page, "estimate_further", further)
+    monkeypatch.setattr(page, "with_accelerometers_apart", apart)
+
+    def told(solved: Any) -> tuple[str, str, list[str]]:
+        heard.unsay(1)
+        end, trust = page.weighed(run, solved, is_choice=True)
+        return str(end), str(trust.of), [message.text for message in heard.messages]
+
+    ends = {"one apart": "end", "two apart": "astray"}
+    assert told("none") == ("none", "none", ["before", "none, a choice True"])
+    assert told("one") == ("end", "end", ["before", "goes on", "end, a choice True"])
+    assert told("two") == ("two", "two", ["before", "two, a choice True"])
+
+
 def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
     """The whole estimation again with the sensors as their data sheets have them, and from its end with them let go; where they
     run away still, held to the end with their doubts in the error bars. Once, and only where sensors were unknowns and the

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -12,6 +14,8 @@ from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, asked_late
 from calib_core.types import FloatArray
 
 LINKS, H_S = 5, 0.01
+#: Where a link is integrated: two Gauss points in each of two halves.
+GAUSS = 0.25 * np.array([1 - 3**-0.5, 1 + 3**-0.5, 3 - 3**-0.5, 3 + 3**-0.5])
 DENSITY = NoiseDensity(np.full(3, 1e-3), np.full(3, 1e-2))
 WRONG = ImuIntrinsics(
     gyro_scale=np.array([0.01, -0.02, 0.015]),
@@ -21,40 +25,55 @@ WRONG = ImuIntrinsics(
     accel_axes=np.array([0.003, 0.008, -0.005]),
     accel_delay_s=0.0,
     g_sensitivity=np.array([2e-3, -1e-3, 5e-4, -1.5e-3, 1e-3, 2.5e-3, -5e-4, 3e-3, -2e-3]),
+    size_effect=np.array([0.03, -0.02, 0.01, 0.015, 0.02, -0.025, -0.01, 0.02, 0.03]),
 )
 
 
 def _vector(values: FloatArray) -> ImuIntrinsics:
     return ImuIntrinsics(
-        values[:3], values[3:6], values[6:9], values[9:12], values[12:15], float(values[15]), values[16:]
+        values[:3], values[3:6], values[6:9], values[9:12], values[12:15], float(values[15]), values[16:25], values[25:]
     )
 
 
 def _readings(seed: int) -> UpsampledImu:
-    """Steady within each link, so that a link's mean is the whole truth of it."""
+    """Changing by little within each link, so that a link's mean is all but the whole truth of it; steadily, so that differences
+    are slopes."""
     rng = np.random.default_rng(seed)
-    gyro, accel = rng.normal(size=(LINKS, 1, 3)), 9.0 + rng.normal(size=(LINKS, 1, 3))
+    knots_s = H_S * np.arange(LINKS + 1)
+    at_s = knots_s[:-1, None] + H_S * GAUSS
+    w, dw, f, df = rng.normal(size=(4, 3))
     return UpsampledImu(
-        H_S * np.arange(LINKS + 1), H_S, np.repeat(gyro, 4, axis=1), np.repeat(accel, 4, axis=1),
-        rng.normal(size=(LINKS + 1, 3)), rng.normal(size=(LINKS + 1, 3)), np.zeros((LINKS, 6)), np.ones(LINKS, bool),
+        knots_s, H_S, w + at_s[..., None] * dw, 9.0 + f + at_s[..., None] * df, w + knots_s[:, None] * dw,
+        9.0 + f + knots_s[:, None] * df, np.zeros((LINKS, 6)), np.ones(LINKS, bool),
     )  # fmt: skip
 
 
-def test_a_reading_made_by_the_formula_is_taken_apart_again() -> None:
-    """Mutations: the gyroscope's rotation from the other side, an upper triangle, the inverse forgotten, forces felt by
-    columns, or as they are read."""
-    true = _readings(0)
+@pytest.mark.parametrize("absent", ["g_sensitivity", "size_effect"])
+def test_a_reading_made_by_the_formula_is_taken_apart_again(absent: str) -> None:
+    """Not both of these at once: what the gyroscope feels of forces is taken out of its slope as it is read.
+
+    Mutations: the gyroscope's rotation from the other side, an upper triangle, the inverse forgotten, forces felt by
+    columns, or as they are read; the places of accelerometers by columns, their turn ever faster left out."""
+    true, wrong = _readings(0), replace(WRONG, **{absent: np.zeros(9)})
+    slope = (true.knot_gyro[1] - true.knot_gyro[0]) / H_S
+    np.testing.assert_allclose(true.gyro[-1, -1], true.knot_gyro[0] + (true.gauss_s[-1, -1] - true.knots_s[0]) * slope)
+    places = np.reshape(wrong.size_effect, (3, 3))
+
+    def beside(w: FloatArray) -> FloatArray:
+        felt = [np.cross(slope, r) + np.cross(w, np.cross(w, r)) for r in places]
+        return np.stack([felt[axis][..., axis] for axis in range(3)], axis=-1)
+
     turn = Rotation.from_rotvec(WRONG.gyro_rotation).as_matrix()
     lower_g = np.array([[1.01, 0, 0], [0.004, 0.98, 0], [-0.007, 0.006, 1.015]])
     lower_a = np.array([[0.99, 0, 0], [0.003, 1.005, 0], [0.008, -0.005, 1.02]])
-    felt = np.array([[2e-3, -1e-3, 5e-4], [-1.5e-3, 1e-3, 2.5e-3], [-5e-4, 3e-3, -2e-3]])
+    felt = np.array([[2e-3, -1e-3, 5e-4], [-1.5e-3, 1e-3, 2.5e-3], [-5e-4, 3e-3, -2e-3]]) * wrong.g_sensitivity.any()
     gyro = true.gyro @ (lower_g @ turn).T + true.accel @ felt.T
     knot_gyro = true.knot_gyro @ (lower_g @ turn).T + true.knot_accel @ felt.T
     read = UpsampledImu(
-        true.knots_s, H_S, gyro, true.accel @ lower_a.T, knot_gyro, true.knot_accel @ lower_a.T, true.excess_density2,
-        true.linked,
+        true.knots_s, H_S, gyro, (true.accel + beside(true.gyro)) @ lower_a.T, knot_gyro,
+        (true.knot_accel + beside(true.knot_gyro)) @ lower_a.T, true.excess_density2, true.linked,
     )  # fmt: skip
-    back = corrected(read, WRONG)
+    back = corrected(read, wrong)
     for name in ("gyro", "accel", "knot_gyro", "knot_accel"):
         np.testing.assert_allclose(getattr(back, name), getattr(true, name), atol=1e-12)
 
@@ -67,11 +86,12 @@ def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
         [
             WRONG.gyro_scale,
             WRONG.gyro_axes,
-            WRONG.gyro_rotation,
+            0.5 * WRONG.gyro_rotation,
             WRONG.accel_scale,
             WRONG.accel_axes,
             [0.0],
             1e-2 * WRONG.g_sensitivity,
+            np.zeros(9),  # the other columns leave out what they change of it
         ]
     )
     about = corrected(readings, _vector(at))
@@ -83,7 +103,7 @@ def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
     for name, by_gyro, by_accel in (("Dv", links.Dv_D_bg, links.Dv_D_ba), ("Dp", links.Dp_D_bg, links.Dp_D_ba)):
         numerical = (getattr(forth, name) - getattr(back, name)) / 2e-6
         column_of = (by_gyro @ gyro[..., column : column + 1] + by_accel @ accel[..., column : column + 1])[..., 0]
-        # A rotation's own right Jacobian is left out: half a rotation of three hundredths.
+        # A rotation's own right Jacobian is left out: half a rotation of some hundredths.
         np.testing.assert_allclose(column_of, numerical, atol=0.02 * np.abs(numerical).max() + 1e-12)
     turned = Rotation.from_matrix(np.swapaxes(back.DR, 1, 2) @ forth.DR).as_rotvec() / 2e-6
     np.testing.assert_allclose(

@@ -63,6 +63,27 @@ def test_a_gyroscope_is_turned_scaled_and_feels_force() -> None:
     np.testing.assert_allclose(gyro[0], [2.0 * np.sin(0.3) + 9.8e-3, 0.0, 2.02 * np.cos(0.3)])
 
 
+def test_accelerometers_apart_feel_the_turns() -> None:
+    """A turntable's x accelerometer, 0.1 m out along x, is pulled in by w^2 r; y's, as far out, is dragged by w' r; z's along the
+    axis feels nothing. The gyroscope reads the same. Mutations: the sign of either; a place for another axis; the slope halved.
+    """
+
+    def exact(t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+        rate = np.zeros((len(t_s), 3))
+        rate[:, 2] = 2.0 + 0.7 * t_s
+        return rate, np.tile([0.0, 0.0, 9.8], (len(t_s), 1))
+
+    out_m = (0.1, 0.0, 0.0)
+    t_s = np.linspace(0.0, 3.0, 4)
+    gyro, accel = ImuDeviations(accel_places_m=(*out_m, *out_m, 0.0, 0.0, 0.2)).readings(exact, t_s)
+    np.testing.assert_array_equal(gyro, exact(t_s)[0])
+    expected = np.stack([-0.1 * (2.0 + 0.7 * t_s) ** 2, np.full(4, 0.07), np.full(4, 9.8)], axis=1)
+    np.testing.assert_allclose(accel, expected, atol=1e-8)
+    assert truth_of(made("size-effect=2mm"), "size_effect").keys() == {
+        row + column for row in "xyz" for column in "xyz"
+    }
+
+
 def test_a_late_accelerometer_shifts_a_sine() -> None:
     """Mutation: the delay's sign, or the gyroscope late as well."""
 

@@ -51,6 +51,13 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             "sensor.g_sensitivity",
             "the gyroscope feels forces, up to 0.101 deg/s a g; it was",
         ),
+        (
+            "size_effect",
+            0.012,
+            True,
+            "sensor.size_effect",
+            "up to 12 mm apart; it was taken out, and the translation is the one to their middle, which may be 0.58 mm from",
+        ),
         ("clock_rate", -60.5, True, "sensor.clock", "clock loses 60.5 millionths on the IMU's; it was taken out"),
         ("clock_rate", 12.25, True, "sensor.clock", "clock gains 12.2 millionths on the IMU's"),
         ("gyroscope_scale", -4e-3, True, "sensor.gyroscope_scale", "x axis reads 0.40% too little; it was taken out"),
@@ -61,10 +68,15 @@ def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bo
 
     Mutations: short and long, gains and loses exchanged; said or corrected whether or not; what is small told as 0.0 mm.
     """
-    ((told, sentence),) = _sentences([_found(block, value)], corrected=corrected)
+    found = [_found(block, value)]
+    if block == "size_effect":
+        found = [found[0].model_copy(update={"name": name, "value": value * (name == "xx")}) for name in NAMES[block]]
+    ((told, sentence),) = _sentences(found, corrected=corrected)
     assert told == code
     assert text in sentence
-    assert _sentences([_found(block, value, significant=False)], corrected=corrected) == []
+    none = [each.model_copy(update={"significant": False}) for each in found]
+    # Accelerometers were told to be apart before they became unknowns.
+    assert [said for said, _ in _sentences(none, corrected=corrected)] == [code] * (block == "size_effect")
 
 
 def test_what_is_farthest_off_in_its_own_sigmas_comes_first() -> None:
