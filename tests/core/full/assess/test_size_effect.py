@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,7 @@ import pytest
 from scipy.stats import kstest
 
 from calib_core.calibrate import calibrate
+from calib_core.full.assess import size_effect
 from calib_core.full.assess.size_effect import Places, places_of
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
@@ -74,6 +77,54 @@ def test_what_is_hardly_told_is_not_asked() -> None:
     np.testing.assert_allclose(places.std_m, 1e-3)
 
 
+@dataclass
+class Ended:
+    """The end of a solve, as far as it is asked here."""
+
+    nuisance: Any
+    state: str = "end"
+
+
+@pytest.mark.parametrize(
+    ("at_mm", "ratio", "wanted", "before", "apart"),
+    [
+        (6.0, 1.0, "auto", (), True),
+        (2.0, 1.0, "auto", (), False),  # once in two thousand
+        (6.0, 3.0, "auto", (), False),  # the parts of the recording disagree as much
+        (6.0, 1.0, ("clock_rate", "size_effect"), (), True),
+        (6.0, 1.0, ("clock_rate",), (), False),
+        (6.0, 1.0, "consider", (), False),
+        (6.0, 1.0, "off", (), False),
+        (6.0, 1.0, "auto", ("size_effect",), False),  # among the unknowns already
+    ],
+)
+def test_who_is_asked(
+    monkeypatch: pytest.MonkeyPatch, at_mm: float, ratio: float, wanted: Any, before: tuple[str, ...], apart: bool
+) -> None:
+    """Six numbers, each known to a millimetre: a square of 216 or of 24. Mutations: chance not asked; any ratio passed over;
+    asked whatever is wanted; asked a second time."""
+    places = Places(np.full(6, 1e-3 * at_mm), np.full(6, 1e-3))
+    monkeypatch.setattr(size_effect, "places_told", lambda _: places)
+    monkeypatch.setattr(size_effect, "with_size_effect", lambda state, size_m: (state, size_m))
+    run: Any = SimpleNamespace(settings=SimpleNamespace(intrinsics=wanted))
+    solved: Any = Ended(SimpleNamespace(places=dict.fromkeys(before)))
+    found: Any = [
+        SimpleNamespace(is_beyond_noise=True, ratio=ratio),
+        SimpleNamespace(is_beyond_noise=False, ratio=4.0),
+    ]
+    on = size_effect.with_accelerometers_apart(run, solved, found)
+    assert (on is not None) is apart
+    assert on is None or on.state == ("end", places.size_m)
+
+
+def test_a_chips_own_size_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a millimetre, beyond all chance. Mutation: of any size."""
+    monkeypatch.setattr(size_effect, "places_told", lambda _: Places(np.full(6, 5e-4), np.full(6, 1e-5)))
+    run: Any = SimpleNamespace(settings=SimpleNamespace(intrinsics="auto"))
+    solved: Any = Ended(SimpleNamespace(places={}))
+    assert size_effect.with_accelerometers_apart(run, solved, ()) is None
+
+
 def _calibrated(faults: str, **settings: Any) -> tuple[CalibrationResult, float]:
     """A hand-held recording with these faults, and the square of its error (NEES of the seven)."""
     recording, truth = generate("handheld", seed=4, duration_s=12.0, faults=parse_faults(faults))
@@ -101,7 +152,7 @@ def test_accelerometers_apart_are_found_and_taken_out() -> None:
 
 
 def test_accelerometers_in_one_place_stay_there() -> None:
-    """Mutation: where chance makes as much in every second recording, they are apart."""
+    """Mutation: what one step tells counts whatever it is, chance and all."""
     result, nees = _calibrated("industrial")
     assert nees < 24.3
     assert not [each for each in result.intrinsics if each.block == "size_effect"]
