@@ -14,7 +14,7 @@ from calib_core.full.assess.settings import WORDING
 from calib_core.full.assess.shifts import shift_of
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import ROTATION, TIME_OFFSET, TRANSLATION
-from calib_core.full.prepare.nuisance import priors_of, sensor_block
+from calib_core.full.prepare.nuisance import SIZE_EFFECT, priors_of, sensor_block
 from calib_core.full.run import Run
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS, UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.result import Intrinsic
@@ -135,14 +135,14 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
         most = np.degrees(max(abs(p.value) for p in felt)) * STANDARD_GRAVITY_M_S2
         text = f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
         tell(felt, "sensor.g_sensitivity", text)
-    # None of them need be beyond chance by itself: where their middle is, is not told.
+    # None of them need be beyond chance by itself: where their middle is, is not told. All error bars are wider for it.
     if beside := [p for p in parameters if p.block == "size_effect"]:
         r_m = np.reshape([p.value for p in beside], (3, 3))
         most_mm = 1e3 * max(float(np.linalg.norm(r_m[a] - r_m[b])) for a, b in ((0, 1), (0, 2), (1, 2)))
         prior_mm = 1e3 * beside[0].prior_std / len(r_m) ** 0.5
-        text = f"the IMU's accelerometers are up to {two_digits(most_mm)} mm apart; {taken}, and the translation is the one to "
-        text += f"their middle, which may be {two_digits(prior_mm)} mm from the IMU's origin along each axis"
-        tell(beside, "sensor.size_effect", text)
+        text = f"the IMU's accelerometers are up to {two_digits(most_mm)} mm apart; {taken}. The translation is the one to their "
+        text += f"middle, which may be {two_digits(prior_mm)} mm from the IMU's origin along each axis"
+        told.append((np.inf, "sensor.size_effect", text))
     if rate := by["clock_rate"]:
         how = "gains" if rate[0].value > 0 else "loses"
         text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"
@@ -153,12 +153,16 @@ def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tupl
 def cost_of_sensors(solved: Solved) -> FloatArray:
     """By how many times standard deviations are wider than with sensors known exactly: rotation, translation, time offset (3,).
 
-    The same information with the sensors' columns taken out. Ones where they have none.
+    The same information with the sensors' columns taken out. Ones where they have none. Accelerometers that are apart are so
+    whatever is known of sensors of their kind.
     """
     assert solved.minimum.solution is not None
     information, priors = solved.minimum.solution.information, solved.problem.priors
     start = solved.problem.layout(solved.estimate).nuisance().start
-    others = np.setdiff1d(np.arange(len(information)), np.arange(start, start + solved.nuisance.sensors.size))
+    sensors = np.arange(solved.nuisance.sensors.size)
+    if (apart := solved.nuisance.places.get(SIZE_EFFECT)) is not None:
+        sensors = np.setdiff1d(sensors, sensors[apart])
+    others = np.setdiff1d(np.arange(len(information)), start + sensors)
     exact = np.diag(assess(information[np.ix_(others, others)], priors).covariance)
     stated = np.diag(assess(information, priors).covariance)
     return np.array(

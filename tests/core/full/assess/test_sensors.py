@@ -56,7 +56,7 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             0.012,
             True,
             "sensor.size_effect",
-            "up to 12 mm apart; it was taken out, and the translation is the one to their middle, which may be 0.58 mm from",
+            "up to 12 mm apart; it was taken out. The translation is the one to their middle, which may be 0.58 mm from",
         ),
         ("clock_rate", -60.5, True, "sensor.clock", "clock loses 60.5 millionths on the IMU's; it was taken out"),
         ("clock_rate", 12.25, True, "sensor.clock", "clock gains 12.2 millionths on the IMU's"),
@@ -80,9 +80,12 @@ def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bo
 
 
 def test_what_is_farthest_off_in_its_own_sigmas_comes_first() -> None:
-    """A screen has room for a few. Mutations: in the order of the blocks; by size; the least first."""
+    """A screen has room for a few. Mutations: in the order of the blocks; by size; the least first; accelerometers that are
+    apart, which widen all error bars, by their own sigmas, too."""
     found = [_found("laser_range_offset", -0.009), _found("clock_rate", -60.5), _found("gyroscope_scale", -4e-3)]
     found = [one.model_copy(update={"std": std}) for one, std in zip(found, (2e-3, 10.0, 1e-4), strict=True)]
+    apart = [_found("size_effect", 1e-5).model_copy(update={"name": name}) for name in NAMES["size_effect"]]
+    assert next(code for code, _ in _sentences([*found, *apart], corrected=True)) == "sensor.size_effect"
     assert [code for code, _ in _sentences(found, corrected=True)] == [
         "sensor.gyroscope_scale",
         "sensor.clock",

@@ -145,7 +145,11 @@ def test_accelerometers_apart_are_found_and_taken_out() -> None:
     found = [each for each in result.intrinsics if each.block == "size_effect"]
     assert [each.name for each in found] == [row + column for row in "xyz" for column in "xyz"]
     assert 0.004 < found[0].prior_std < 0.016
-    assert [each.code for each in result.messages].count("sensor.size_effect") == 1
+    told = {each.code: each.text for each in result.messages}
+    assert "accelerometers are up to" in told["sensor.size_effect"]
+    # Who would name the IMU would know no more of the translation.
+    assert "in rotation" in told["sensor.priors"]
+    assert "in translation" not in told["sensor.priors"]
     assert result.uncertainty is not None
     # Of the middle, nothing more is known.
     assert np.linalg.norm(result.uncertainty.translation_std_m) == pytest.approx(found[0].prior_std, rel=0.2)
