@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -26,12 +25,11 @@ from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.maps.crispness import crispness_of
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
+from calib_core.solver.broken_down import arithmetic_or_refused
 from calib_core.threads import one_blas_thread
 from calib_core.types import InitialGuess, Plane, Recording, Trajectory
 
 __all__ = ["Calibration", "calibrate"]
-
-_LOG = logging.getLogger(__name__)
 
 #: The code of what is said where an IMU's silence breaks a recording in two.
 SILENT = "imu.silent"
@@ -152,16 +150,8 @@ def with_crispness(done: Calibration, recording: Recording, settings: CalibrateS
 
 def _answer(recording: Recording, question: Question) -> Answer:
     """The answer of the chosen method. Raises Refused, of arithmetic that broke down as well."""
-    try:
-        with one_blas_thread():
-            return _answer_of_method(recording, question)
-    except (ArithmeticError, np.linalg.LinAlgError) as error:
-        _LOG.info("the arithmetic of a calibration broke down", exc_info=True)
-        raise Refused(
-            "solve.broke_down",
-            f"the solve's arithmetic broke down ({str(error).rstrip('.')}), so there is no answer; expected planes and motion "
-            "that tell one: choose other planes, give an initial guess, or record with more turning about different axes",
-        ) from error
+    with one_blas_thread(), arithmetic_or_refused():
+        return _answer_of_method(recording, question)
 
 
 def _answer_of_method(recording: Recording, question: Question) -> Answer:

@@ -45,7 +45,7 @@ MAY_IMPORT = {
     "document": {"geometry"},
     "full": {"geometry", "gp", "imu", "planes", "factors", "solver", "document", "deskew", "threads", "maps"},
     "paper": {"geometry", "gp", "imu", "planes", "factors", "solver", "full", "document"},
-    "calibrate": {"full", "paper", "document", "maps", "threads"},
+    "calibrate": {"full", "paper", "document", "maps", "solver", "threads"},
     "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors", "threads"},
     "audit": {"geometry", "maps", "full", "calibrate"},
     "api": {"audit", "readers", "full", "calibrate", "deskew", "exporters", "simulate", "documents", "doctor", "maps"},

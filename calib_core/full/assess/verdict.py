@@ -27,12 +27,14 @@ from calib_core.presets import random_walks
 from calib_core.result import Evidence, Message, PlaneQuality
 from calib_core.settings import ImuNoise
 from calib_core.solver.arrow import NotPositiveDefinite
+from calib_core.solver.broken_down import arithmetic_or_refused
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import Trajectory
 
 _NO_ANSWER = "the joint solve found no stable answer; the planes or the motion do not fit the data"
 
 
+@arithmetic_or_refused()
 def weigh(run: Run, solved: Solved, *, is_choice: bool) -> Confidence:
     """What is known of the calibration. is_choice: whether planes were chosen by a person, and what is wrong with them is said.
 

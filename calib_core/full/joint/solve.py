@@ -33,9 +33,11 @@ from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, lou
 from calib_core.full.joint.walks import say_walks, with_walks_told
 from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
 from calib_core.full.run import Run
+from calib_core.solver.broken_down import arithmetic_or_refused
 from calib_core.solver.levenberg import SharedEquations
 
 
+@arithmetic_or_refused()
 def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, first: str = "coarse") -> Solved:
     """From start values to the fixed point, with every point and all that the recording holds. Raises Refused.
 
@@ -50,6 +52,7 @@ def estimate_jointly(data: JointData, state: Estimation, schedule: Schedule, *, 
     return at_rest(data, state, schedule)
 
 
+@arithmetic_or_refused()
 def motion_by_all(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """From start values to a motion over the whole recording: the steps before it matters which planes count. Raises Refused."""
     matters = _names().index(COUNTING)
@@ -60,6 +63,7 @@ def motion_by_all(data: JointData, state: Estimation, schedule: Schedule) -> Est
     return state
 
 
+@arithmetic_or_refused()
 def estimate_chosen(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     """From a motion by all to the fixed point of the planes that count (choice.py). Raises Refused."""
     assert schedule.propagation is not None
@@ -76,6 +80,7 @@ def estimate_chosen(data: JointData, state: Estimation, schedule: Schedule) -> S
     return estimate_jointly(data, until_seen(data, state, seen_at, schedule.propagation), schedule, first=COUNTING)
 
 
+@arithmetic_or_refused()
 def estimate_further(run: Run, solved: Solved, schedule: Schedule) -> Solved:
     """From where a solve came to rest, as the run has the sensors: let go where they were held, with its priors of them.
     Raises Refused.

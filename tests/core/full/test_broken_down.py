@@ -9,6 +9,9 @@ import pytest
 
 from calib_core.calibrate import because_of, calibrate
 from calib_core.errors import Refused
+from calib_core.full.joint import solve
+from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.full.joint.schedule import Schedule
 from calib_core.result import Message
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
@@ -31,6 +34,27 @@ def test_it_is_refused_with_a_reason(
     last = done.result.messages[-1]
     assert (last.level, last.code) == ("error", "solve.broke_down")
     assert "arithmetic broke down (" in last.text
+
+
+def test_what_breaks_down_with_sensors_let_go_is_answered_with_them_held(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As any refusal of the solve is gone on from. Seen in a train that speeds up: "eigenvalues did not converge", and no answer.
+
+    Mutation: what breaks down in the joint stage leaves it as it is.
+    """
+    here = solve.at_rest
+
+    def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
+        if data.run.settings.intrinsics == "auto":
+            raise np.linalg.LinAlgError("Eigenvalues did not converge")
+        return here(data, state, schedule)
+
+    monkeypatch.setattr(solve, "at_rest", at_rest)
+    result = calibrate(noisy[0], CalibrateSettings()).result
+    assert result.status != "refused"
+    assert "sensor.astray" in [message.code for message in result.messages]
+    assert {each.state for each in result.intrinsics} == {"considered"}
 
 
 def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_it() -> None:
