@@ -76,7 +76,7 @@ def counted(
     judged: list[object] = []
     monkeypatch.setattr(page, "beyond_sheets", lambda _solved: None)
     monkeypatch.setattr(page, "require_sound_choice", judged.append)
-    monkeypatch.setattr(page, "weigh", lambda _run, solved, is_choice: is_choice and solved in judged)
+    monkeypatch.setattr(page, "weighed", lambda _run, solved, is_choice: (solved, is_choice and solved in judged))
     monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
     heard = Heard(lambda event: said.append(getattr(event, "code", "")), [])
