@@ -342,6 +342,12 @@ class Tones:
     #: engine's speed makes bands; where nothing else shakes the IMU, no engine does.
     hump: float = 4.0
     hump_of: int = 3
+    #: measured: hands, legs and cars move below. Of a lone line that shook the IMU at 0.05 to 1 m/s2 and was read as 0.3 to 0.8
+    #: Hz no other frequency as slow and two turns away explained more than a fiftieth of what it did; where ranges bent by
+    #: centimetres, fabric sagged or an accelerometer lagged, others explained 0.6 to 0.85 of the best.
+    slow_hz: float = 2.0
+    foot: float = 2.0
+    rivals: float = 0.5
     #: measured: bent walls, a door ajar and boards at their feet explained tones of 10, 20, 29.6 and 30 Hz and up to 29 m/s2: a
     #: sweep's harmonics, to either side of which a hand's motion goes up to one or two hertz. What shakes there moves by tenths
     #: of a millimetre.

@@ -102,8 +102,29 @@ def admit_rest(
         return state
     if is_hump(data, state, found[0].hz, rules):
         return without_tones(data, state, round_, sampling)
+    if is_the_motions(data, state, found, rules):
+        return state
     after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
     return after if is_heard(data, after) else state
+
+
+def is_the_motions(data: JointData, state: Estimation, found: Sequence[Explaining], rules: Tones) -> bool:
+    """Whether the best of what was found is no line, but of what moves the lidar: another that is as slow and no part of its foot
+    explains nearly as much. Lidars whose ranges bend and accelerometers that lag leave that, all along where a hand moves.
+
+    found: the best first. An engine that is heard may have many lines, slow ones too.
+    """
+    best = found[0]
+    if data.run.noise.shaken or best.hz > rules.slow_hz:
+        return False
+    knots_s = data.readings.knots_s[[0, state.knots - 1]]
+    away_hz = rules.foot / float(np.diff(knots_s)[0])
+    return any(
+        other.hz <= rules.slow_hz
+        and abs(other.hz - best.hz) > away_hz
+        and other.decrease > rules.rivals * best.decrease
+        for other in found[1:]
+    )
 
 
 def is_hump(data: JointData, state: Estimation, hz: float, rules: Tones) -> bool:

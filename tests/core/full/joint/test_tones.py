@@ -18,8 +18,10 @@ from calib_core.full.joint.state import Bins
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.joint.tones import (
     Periodogram,
+    admit_rest,
     admit_tones,
     candidates,
+    is_the_motions,
     score_periodogram,
     with_tone,
 )
@@ -306,6 +308,39 @@ def test_a_lift_is_no_row_of_tones() -> None:
     assert "imu.tone" not in codes
     assert {"motion.unseen", "solve.disagreement"} <= set(codes)
     assert result.status == "weak"
+
+
+@pytest.mark.parametrize(
+    ("found", "shaken", "the_motions"),
+    [
+        ([(0.28, 981.0), (1.35, 631.0), (0.23, 396.0)], False, True),  # ranges that bend by centimetres, 20 s by hand
+        ([(0.28, 93.0), (0.44, 73.0), (0.23, 46.0)], False, True),  # an accelerometer that lags
+        ([(0.30, 4787.0), (0.36, 999.0), (0.25, 114.0)], False, False),  # 0.05 m/s2 at 100.3 Hz
+        ([(0.80, 3237.0), (0.53, 337.0)], False, False),  # fabric that sags, and a line
+        ([(1.40, 300.0), (1.48, 290.0)], False, False),  # two motors that turn nearly alike
+        ([(0.28, 981.0), (1.35, 631.0)], True, False),  # an engine is heard
+        ([(3.50, 153.0), (6.51, 156.0)], False, False),  # quicker than hands
+        ([(0.80, 90.0), (3.50, 80.0)], False, False),
+        ([(3.50, 90.0), (0.80, 80.0)], False, False),
+    ],
+)
+def test_what_explains_little_more_than_others_all_along_is_no_tone(
+    half: Half, monkeypatch: pytest.MonkeyPatch, found: list[tuple[float, float]], shaken: bool, the_motions: bool
+) -> None:
+    """Twenty seconds: the best first. As measured. Mutations: any rival; any that is as slow, its own foot too; of engines as
+    well; of quick ones as well; how much a rival explains not asked.
+    """
+    run = replace(half.data.run, noise=replace(half.data.run.noise, shaken=shaken))
+    readings = replace(half.data.readings, knots_s=np.linspace(0.0, 20.0, half.state.knots))
+    data = replace(half.data, run=run, readings=readings)
+    best = [Explaining(hz, decrease) for hz, decrease in found]
+    assert is_the_motions(data, half.state, best, RULES) is the_motions
+    monkeypatch.setattr(tones, "found_tones", lambda *_, **__: best)
+    monkeypatch.setattr(tones, "told", lambda _data, state, *_: state)
+    monkeypatch.setattr(tones, "is_heard", lambda *_: True)
+    bins: Any = None
+    after = admit_rest(data, half.state, RULES, FULL.sensors, FULL.sampling, bins)
+    assert after.nuisance.tones_hz == (() if the_motions else (found[0][0],))
 
 
 def test_who_wants_no_tone_does_not_listen(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
