@@ -54,6 +54,7 @@ _BLOCKS: dict[str, dict[str, float]] = {
     "imu-axes": {"gyroscope_axes": 1.0, "accelerometer_axes": 1.0},
     "gyro-rotation": {"gyroscope_rotation": 1.0},
     "accel-delay": {"accelerometer_delay": 1.0},
+    "accel-bend": {"accelerometer_quadratic": 1.0},
     "g-sensitivity": {"g_sensitivity": 1.0},
     "size-effect": {"size_effect": 1.0},
     "clock-rate": {"clock_rate": 1.0},

@@ -4,9 +4,10 @@ IMU frame: the accelerometer's x axis and xy plane define it; the gyroscope is t
 rate and specific force in that frame:
 
     gyroscope reading(t)     = (I + S_g + N_g) Exp(r_g) w(t) + F a(t) + bias + noise
-    accelerometer reading(t) = (I + S_a + N_a) (a(t - delay) + e) + bias + noise
+    accelerometer reading(t) = (I + S_a + N_a) (a + q a^2 + e)(t - delay) + bias + noise
     S = diag(x, y, z)  scale,      N = strictly lower triangular (yx, zx, zy)  axes,      r_g  rotation of the gyroscope
     F = what the gyroscope feels of forces (xx, xy, ... zz: by rows), its g-sensitivity
+    q  axis by axis, the accelerometer's second-order scale (x, y, z): how its line bends
     e_k = axis k of  w' x r_k + w x (w x r_k),      r_k (kx, ky, kz)  where the accelerometer of axis k is: the size effect
 
 The IMU's place is the one where, as far as anybody knows, all its accelerometers are; where they turn out to be apart, their
@@ -35,6 +36,7 @@ Block = Literal[
     "accelerometer_scale",
     "accelerometer_axes",
     "accelerometer_delay",
+    "accelerometer_quadratic",
     "g_sensitivity",
     "size_effect",
     "clock_rate",
@@ -75,6 +77,7 @@ KINDS: dict[Block, Kind] = {
     "accelerometer_scale": Kind("imu", "1", AXES),
     "accelerometer_axes": Kind("imu", "rad", LOWER),
     "accelerometer_delay": Kind("imu", "s", ("delay",)),
+    "accelerometer_quadratic": Kind("imu", "1/(m/s2)", AXES),
     "g_sensitivity": Kind("imu", "rad/s/(m/s2)", tuple(row + column for row in AXES for column in AXES)),
     "size_effect": Kind("imu", "m", tuple(row + column for row in AXES for column in AXES)),
     "clock_rate": Kind("clock", "ppm", ("rate",)),
@@ -113,6 +116,7 @@ class ImuPrior:
     accelerometer_scale_std: float
     accelerometer_axes_std_rad: float
     accelerometer_delay_std_s: float
+    accelerometer_quadratic_std_s2_m: float
     g_sensitivity_std_rad_s_m_s2: float
 
     def or_wider(self, other: ImuPrior) -> ImuPrior:
@@ -157,6 +161,7 @@ UNKNOWN_IMU = ImuPrior(
     accelerometer_scale_std=0.01,
     accelerometer_axes_std_rad=0.01,
     accelerometer_delay_std_s=0.002,
+    accelerometer_quadratic_std_s2_m=1e-4,
     g_sensitivity_std_rad_s_m_s2=1.8e-4,
 )
 UNKNOWN_LIDAR = LidarPrior(

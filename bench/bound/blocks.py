@@ -5,8 +5,8 @@ in the IMU's axes, a gyroscope reads too much by
 
     diag(w) scale + (0, yx w_x, zx w_x + zy w_y) axes + r x w rotation + F f,
 
-an accelerometer by the like of f, by -f' delay and, axis k, by that axis of w' x place_k + w x (w x place_k). An error of a
-parameter does to the motion what a bias of that size does. A range is too long by
+an accelerometer by the like of f, by -f' delay, by diag(f)^2 quadratic and, axis k, by that axis of w' x place_k +
+w x (w x place_k). An error of a parameter does to the motion what a bias of that size does. A range is too long by
 
     offset,   d scale,   1 / c - 1 incidence,   d (n . up) / c elevation,   d (n . side) / c azimuth
 
@@ -34,6 +34,7 @@ _ONCE = {
     "accelerometer_scale": 3,
     "accelerometer_axes": 3,
     "accelerometer_delay": 1,
+    "accelerometer_quadratic": 3,
     "g_sensitivity": 9,
     "size_effect": 9,
     "clock_rate": 1,
@@ -83,6 +84,7 @@ class Blocks:
         errors[:, :, self.places["accelerometer_scale"]] = _diagonal(force_m_s2)
         errors[:, :, self.places["accelerometer_axes"]] = _lower(force_m_s2)
         errors[:, :, self.places["accelerometer_delay"]] = -jerk_m_s3[:, :, None]
+        errors[:, :, self.places["accelerometer_quadratic"]] = _diagonal(force_m_s2**2)
         spin = cross_matrix(rate_rad_s)
         by_place = cross_matrix(slope_rad_s2) + spin @ spin
         errors[:, :, self.places["size_effect"]] = np.einsum("ij,njk->nijk", np.eye(3), by_place).reshape(-1, 3, 9)

@@ -125,6 +125,11 @@ def _remarks(result: CalibrationResult) -> list[str]:
     lines = [formula, time]
     lines += [f"Taken for ideal and not estimated: {', '.join(ideal)}."] if ideal else []
     lines += [f"The accelerometer is {ms:.3f} ms behind the gyroscope; Kalibr has no key for it." for ms in delays_ms]
+    bends = np.array([each.value for each in result.intrinsics if each.block == "accelerometer_quadratic"])
+    if bends.any():
+        lines.append(
+            f"Of squared accelerations [{decimals(bends)}] 1/(m/s2) are read too much; Kalibr has no key for it."
+        )
     if any(each.state == "considered" for each in here):
         lines.append(FOUND_BESIDE)
     if result.clock_rate_ppm is not None and result.time_offset_at_s is not None:

@@ -9,7 +9,8 @@ treats it as a reading whose bias is b' = M^-1 b. A later change dM adds -M^-1 d
 
 would; over one link (10 ms) r' is as good as its mean. So every parameter's Jacobian is the bias's, turned by a (3,) vector a
 link, and no factor has to know of intrinsics. An accelerometer late by `delay` is asked that much later (`upsample`); a change
-of the delay by d is a bias greater by -d/dt r'_a d. What the gyroscope feels of forces, F a, is taken out with the corrected
+of the delay by d is a bias greater by -d/dt r'_a d. A line that bends, q a^2, is taken out by the corrected r'_a itself; a change
+dq is a bias greater by r'_a^2 dq. What the gyroscope feels of forces, F a, is taken out with the corrected
 accelerometer's r'_a, whose own bias is part of the gyroscope's then; a change dF is a bias greater by M_g^-1 dF r'_a, and one
 that is a bias of the accelerometer greater by db is one of the gyroscope less by M_g^-1 F db. An accelerometer that sits beside
 the IMU's place by r feels w' x r + w x (w x r) more, which is linear in r: a change dr is a bias greater by the same of dr.
@@ -32,7 +33,8 @@ _LOWER = ((1, 0), (2, 0), (2, 1))
 class ImuIntrinsics:
     """Values in the order of their names: scales (3,), axes yx zx zy (3,) [rad], rotation (3,) [rad], delay [s].
 
-    g_sensitivity: (9,) F by rows [rad/s/(m/s2)].   size_effect: (9,) by rows, where each axis' accelerometer is [m].
+    accel_quadratic: (3,) [1/(m/s2)].   g_sensitivity: (9,) F by rows [rad/s/(m/s2)].   size_effect: (9,) by rows, where each
+    axis' accelerometer is [m].
     """
 
     gyro_scale: FloatArray
@@ -41,6 +43,7 @@ class ImuIntrinsics:
     accel_scale: FloatArray
     accel_axes: FloatArray
     accel_delay_s: float
+    accel_quadratic: FloatArray
     g_sensitivity: FloatArray
     size_effect: FloatArray = field(default_factory=lambda: np.zeros(9))
 
@@ -66,7 +69,9 @@ def corrected(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> UpsampledImu
     """The readings with M taken out. The delay is the upsampling's own."""
     G, A = np.linalg.inv(intrinsics.gyro), np.linalg.inv(intrinsics.accel)
     F = intrinsics.g_sensitivity.reshape(3, 3)
-    accel, knot_accel = readings.accel @ A.T, readings.knot_accel @ A.T
+    accel, knot_accel = (
+        a - intrinsics.accel_quadratic * a**2 for a in (readings.accel @ A.T, readings.knot_accel @ A.T)
+    )
     if intrinsics.size_effect.any():
         rate, knot_rate = (readings.gyro - accel @ F.T) @ G.T, (readings.knot_gyro - knot_accel @ F.T) @ G.T
         slope = np.asarray(np.gradient(rate.reshape(-1, 3), readings.gauss_s.ravel(), axis=0)).reshape(rate.shape)
@@ -95,13 +100,13 @@ def felt_beside(rate_rad_s: FloatArray, slope_rad_s2: FloatArray) -> FloatArray:
     return felt
 
 
-#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1, g-sensitivity 9,
-#: size effect 9.
-COLUMNS = 34
+#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1, quadratic 3,
+#: g-sensitivity 9, size effect 9.
+COLUMNS = 37
 
 
 def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple[FloatArray, FloatArray]:
-    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 34), accelerometer (L, 3, 34).
+    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 37), accelerometer (L, 3, 37).
 
     readings: corrected about the intrinsics.   Units: rad/s and m/s2 per unit of the parameter.
     """
@@ -120,9 +125,10 @@ def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple
     # M Exp(d) - M to first order: M hat(d), whatever the rotation; its own right Jacobian is 1 to half a rotation.
     gyro[:, :, 6:9] = -hat(w)
     accel[:, :, 15] = -np.diff(readings.knot_accel, axis=0) / readings.spacing_s
-    gyro[:, :, 9:16] = -(G @ intrinsics.g_sensitivity.reshape(3, 3)) @ accel[:, :, 9:16]
+    accel[:, :, 16:19] = f[:, :, None] ** 2 * np.eye(3)
     for row in range(3):
-        gyro[:, :, 16 + 3 * row : 19 + 3 * row] = f[:, None, :] * G[:, row, None]
-    accel[:, :, 25:] = felt_beside(w, np.diff(readings.knot_gyro, axis=0) / readings.spacing_s)
-    gyro[:, :, 25:] = -(G @ intrinsics.g_sensitivity.reshape(3, 3)) @ accel[:, :, 25:]
+        gyro[:, :, 19 + 3 * row : 22 + 3 * row] = f[:, None, :] * G[:, row, None]
+    accel[:, :, 28:] = felt_beside(w, np.diff(readings.knot_gyro, axis=0) / readings.spacing_s)
+    for own in (slice(9, 19), slice(28, 37)):
+        gyro[:, :, own] = -(G @ intrinsics.g_sensitivity.reshape(3, 3)) @ accel[:, :, own]
     return gyro, accel

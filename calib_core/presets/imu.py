@@ -29,10 +29,16 @@ def _noise(
 
 
 def _prior(
-    scale: tuple[float, float], axes: tuple[float, float], between: float, delay_s: float, *, felt_deg_s_g: float = 0.1
+    scale: tuple[float, float],
+    axes: tuple[float, float],
+    between: float,
+    delay_s: float,
+    *,
+    felt_deg_s_g: float = 0.1,
+    bent_mg: float = 1.0,
 ) -> ImuPrior:
     """scale, axes [rad]: of gyroscope and accelerometer.   between [rad]: the two against each other.   felt_deg_s_g: of
-    forces by the gyroscope."""
+    forces by the gyroscope.   bent_mg: of what the accelerometer reads too much at one g for the bend of its line."""
     return ImuPrior(
         gyroscope_scale_std=scale[0],
         gyroscope_axes_std_rad=axes[0],
@@ -40,16 +46,19 @@ def _prior(
         accelerometer_scale_std=scale[1],
         accelerometer_axes_std_rad=axes[1],
         accelerometer_delay_std_s=delay_s,
+        accelerometer_quadratic_std_s2_m=bent_mg * 1e-3 / STANDARD_GRAVITY_M_S2,
         g_sensitivity_std_rad_s_m_s2=felt_deg_s_g * _DEG / STANDARD_GRAVITY_M_S2,
     )
 
 
 #: Calibrated one by one over temperature: 0.03 to 0.1 % of scale, 0.02 to 0.05 deg between axes; the two sensors' filters
-#: and sampling are aligned to less than half a millisecond, the gyroscope feels 0.003 to 0.006 deg/s a g (unconfirmed).
-CALIBRATED = _prior((0.0007, 0.0007), (0.0005, 0.0005), 0.0005, 0.0003, felt_deg_s_g=0.006)
+#: and sampling are aligned to less than half a millisecond, the gyroscope feels 0.003 to 0.006 deg/s a g (unconfirmed); lines
+#: bend by 0.03 % of 20 g.
+CALIBRATED = _prior((0.0007, 0.0007), (0.0005, 0.0005), 0.0005, 0.0003, felt_deg_s_g=0.006, bent_mg=0.05)
 #: Factory-calibrated modules whose sheets promise less: 0.1 deg between axes, some 0.5 % of scale, 0.015 deg/s a g.
-MODULE = _prior((0.004, 0.003), (0.0012, 0.0012), 0.0012, 0.0005, felt_deg_s_g=0.015)
-#: One die for both sensors, or two in a package, trimmed at the end of the line.
+MODULE = _prior((0.004, 0.003), (0.0012, 0.0012), 0.0012, 0.0005, felt_deg_s_g=0.015, bent_mg=0.3)
+#: One die for both sensors, or two in a package, trimmed at the end of the line. Sheets give 0.5 % of the range, 2 g at the
+#: least, as the most by which an accelerometer's line bends: a parabola of 5 mg at one g does that; most do a fifth of it.
 CHIP = _prior((0.005, 0.005), (0.005, 0.005), 0.005, 0.002)
 
 _MTI = "gyroscope and accelerometer calibrated one by one over temperature"
@@ -170,7 +179,7 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
     ImuPreset(
         "vectornav-vn100",
         _noise(0.0035, 140.0, 7.0, 40.0),
-        _prior((0.001, 0.001), (0.0009, 0.0009), 0.0009, 0.0003, felt_deg_s_g=0.015),
+        _prior((0.001, 0.001), (0.0009, 0.0009), 0.0009, 0.0003, felt_deg_s_g=0.015, bent_mg=0.3),
         "VectorNav VN-100 and VN-200: public Kalibr file quoting the data sheet and the vendor's support; alignment within "
         "0.05 deg and in-run figures unconfirmed",
         ("vectornav", "vn100", "vn-100", "vn_100", "vn200", "vn-200", "vn_200"),
@@ -187,7 +196,7 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
     ImuPreset(
         "microstrain-gx5-25",
         _noise(0.004, 18.4, 8.0, 40.0),
-        _prior((0.0005, 0.0005), (0.0009, 0.0009), 0.0009, 0.0003, felt_deg_s_g=0.015),
+        _prior((0.0005, 0.0005), (0.0009, 0.0009), 0.0009, 0.0003, felt_deg_s_g=0.015, bent_mg=0.3),
         "Microstrain 3DM-GX5-25: LIO-SAM's discrete 1.56e-3 rad/s and 3.99e-3 m/s², taken at its 500 Hz; scale 0.05 %, "
         "alignment 0.05 deg and in-run figures unconfirmed",
         ("microstrain", "gx5", "3dm"),
@@ -204,7 +213,7 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
     ImuPreset(
         "adis16475",
         _noise(0.0025, 23.0, 2.0, 3.6),
-        _prior((0.002, 0.002), (0.0017, 0.0017), 0.0017, 0.0003, felt_deg_s_g=0.015),
+        _prior((0.002, 0.002), (0.0017, 0.0017), 0.0017, 0.0003, felt_deg_s_g=0.015, bent_mg=0.3),
         "Analog Devices ADIS16475 data sheet: 0.15 deg per root of an hour, 2 deg/h, 3.6 ug, axes within 0.1 deg; "
         "accelerometer's density and scales unconfirmed",
         ("adis16475", "adis16465", "adis16467", "adis16477", "adis165"),

@@ -362,6 +362,7 @@ OWN = {
     "accelerometer_scale": [0.02, 0.03, -0.02],
     "accelerometer_axes": [0.01, -0.02, 0.02],
     "accelerometer_delay": [0.02],  # two of its steps: nothing is lost between stamps
+    "accelerometer_quadratic": [2e-4, -1e-4, 3e-4],
     "g_sensitivity": [0.004, 0.0, -0.003, 0.002, 0.001, 0.0, 0.0, 0.005, 0.002],
     "size_effect": [0.03, -0.02, 0.01, 0.015, 0.02, -0.025, -0.01, 0.02, 0.03],
     "clock_rate": [300.0],
@@ -388,7 +389,7 @@ def _read_by_such_an_imu(recording):
             imu,
             stamps_ns=imu.stamps_ns - np.rint(300e-6 * 1e9 * (at_s - 3.0)).astype(np.int64),
             gyro_rad_s=imu.gyro_rad_s @ (matrices[0] @ turn).T + felt,
-            accel_m_s2=late @ matrices[1].T,
+            accel_m_s2=(late + np.array(OWN["accelerometer_quadratic"]) * late**2) @ matrices[1].T,
         ),
     )
 

@@ -36,6 +36,7 @@ def parameters_of(simulation: Simulation) -> np.ndarray:
         "accelerometer_scale": imu.accel_scale,
         "accelerometer_axes": imu.accel_axes_rad,
         "accelerometer_delay": imu.accel_delay_s,
+        "accelerometer_quadratic": imu.accel_quadratic_s2_m,
         "g_sensitivity": imu.g_sensitivity,
         "size_effect": imu.accel_places_m,
         "clock_rate": simulation.faults.clock_rate_ppm,
@@ -91,6 +92,7 @@ def test_ranges_err_as_the_columns_say(faults: str) -> None:
         "accel-delay=1e-5",
         "g-sensitivity=1e-5",
         "size-effect=1e-4",
+        "accel-bend=1e-6",
     ],
 )
 def test_readings_err_as_the_columns_say(faults: str) -> None:

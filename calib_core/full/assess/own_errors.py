@@ -98,6 +98,7 @@ def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
         accel_scale=values("accelerometer_scale"),
         accel_axes=values("accelerometer_axes"),
         accel_delay_s=float(values("accelerometer_delay")[0]),
+        accel_quadratic=values("accelerometer_quadratic"),
         g_sensitivity=values("g_sensitivity"),
         size_effect=values("size_effect"),
     )
@@ -105,6 +106,7 @@ def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
     # Late by the delay: what happened at an instant is read so much after it.
     read = np.stack([np.interp(at_s + own.accel_delay_s, at_s, axis) for axis in imu.accel_m_s2.T], axis=1)
     accel = read @ np.linalg.inv(own.accel).T
+    accel = accel - own.accel_quadratic * accel**2
     G, F = np.linalg.inv(own.gyro), own.g_sensitivity.reshape(3, 3)
     if own.size_effect.any():
         rate = (imu.gyro_rad_s - accel @ F.T) @ G.T

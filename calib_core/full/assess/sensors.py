@@ -1,8 +1,7 @@
-"""What was found of the sensors themselves: values with their sigmas, and sentences about those that matter."""
+"""What was found of the sensors themselves: values with their sigmas, and what it costs not to know them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,15 +9,15 @@ import numpy as np
 from calib_core.full.assess.considered import Considered, parameter_std
 from calib_core.full.assess.gyroscope import gyroscope_covariance
 from calib_core.full.assess.observability import assess
+from calib_core.full.assess.sensor_sentences import sentences
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.assess.shifts import shift_of
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.prepare.nuisance import SIZE_EFFECT, priors_of, sensor_block
 from calib_core.full.run import Run
-from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS, UNKNOWN_IMU, UNKNOWN_LIDAR
+from calib_core.intrinsics import UNITS, UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.result import Intrinsic
-from calib_core.sigmas import two_digits
 from calib_core.types import FloatArray
 
 _GROUPS = ("rotation", "translation", "the time offset")
@@ -87,67 +86,13 @@ def sensor_findings(solved: Solved, considered: Considered | None, unexplained: 
                     }
                 )
             )
-    told = _sentences(parameters, corrected=considered is None)
+    told = sentences(parameters, corrected=considered is None)
     if doubtful:
         told = [
             (code, f"{text}; parts of the recording disagree, and this may come of what they disagree about")
             for code, text in told
         ]
     return SensorFindings(tuple(parameters), tuple(told))
-
-
-def _sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tuple[str, str]]:
-    """Code and text, what is farthest off in its own sigmas first."""
-    by = {str(block): [p for p in parameters if p.block == block and p.significant] for block in UNITS}
-    ranges = "ranges were corrected for it" if corrected else "ranges were not corrected, the error bars count it"
-    taken = "it was taken out" if corrected else "it is counted in the error bars"
-    told: list[tuple[float, str, str]] = []
-
-    def tell(off: Sequence[Intrinsic], code: str, text: str) -> None:
-        told.append((max(abs(p.value) / p.std for p in off), code, text))
-
-    if lasers := by["laser_range_offset"]:
-        tell(lasers, "sensor.laser_range", f"{_lasers(lasers)}; {ranges}")
-    if lasers := by["laser_elevation"]:
-        most_deg = np.degrees(max(abs(p.value) for p in lasers))
-        who = f"ring {lasers[0].name} points" if len(lasers) == 1 else f"{len(lasers)} lasers point up to"
-        text = f"{who} {two_digits(most_deg)} deg above or below where {'it' if len(lasers) == 1 else 'they'} should; {taken}"
-        tell(lasers, "sensor.laser_elevation", text)
-    if grazing := by["grazing"]:
-        short_mm, how = grazing[0].value * 1e3, "short" if grazing[0].value > 0 else "long"
-        text = f"walls met slantwise read {how}, by {two_digits(abs(short_mm))} mm a metre at 45 deg; {ranges}"
-        tell(grazing, "sensor.grazing", text)
-    for kind in ("gyroscope", "accelerometer"):
-        if off := by[f"{kind}_scale"]:
-            worst = max(off, key=lambda p: abs(p.value))
-            how = "much" if worst.value > 0 else "little"
-            text = f"the {kind}'s {worst.name} axis reads {abs(worst.value):.2%} too {how}; {taken}"
-            tell(off, f"sensor.{kind}_scale", text)
-    if turned := [*by["gyroscope_rotation"], *by["gyroscope_axes"], *by["accelerometer_axes"]]:
-        most_deg = np.degrees(max(abs(p.value) for p in turned))
-        text = f"the IMU's axes are up to {most_deg:.2f} deg off square or against one another; {taken}"
-        tell(turned, "sensor.axes", text)
-    if late := by["accelerometer_delay"]:
-        how = "behind" if late[0].value > 0 else "ahead of"
-        text = f"the accelerometer is {abs(late[0].value) * 1e3:.2f} ms {how} the gyroscope; {taken}"
-        tell(late, "sensor.delay", text)
-    if felt := by["g_sensitivity"]:
-        most = np.degrees(max(abs(p.value) for p in felt)) * STANDARD_GRAVITY_M_S2
-        text = f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
-        tell(felt, "sensor.g_sensitivity", text)
-    # None of them need be beyond chance by itself: where their middle is, is not told. All error bars are wider for it.
-    if beside := [p for p in parameters if p.block == "size_effect"]:
-        r_m = np.reshape([p.value for p in beside], (3, 3))
-        most_mm = 1e3 * max(float(np.linalg.norm(r_m[a] - r_m[b])) for a, b in ((0, 1), (0, 2), (1, 2)))
-        prior_mm = 1e3 * beside[0].prior_std / len(r_m) ** 0.5
-        text = f"the IMU's accelerometers are up to {two_digits(most_mm)} mm apart; {taken}. The translation is the one to their "
-        text += f"middle, which may be {two_digits(prior_mm)} mm from the IMU's origin along each axis"
-        told.append((np.inf, "sensor.size_effect", text))
-    if rate := by["clock_rate"]:
-        how = "gains" if rate[0].value > 0 else "loses"
-        text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"
-        tell(rate, "sensor.clock", text)
-    return [(code, text) for _, code, text in sorted(told, key=lambda each: -each[0])]
 
 
 def cost_of_sensors(solved: Solved) -> FloatArray:
@@ -205,13 +150,3 @@ def _unnamed(run: Run) -> list[str]:
     """Sensors for which the middle of all there are stands in."""
     imu, lidar = priors_of(run.recording, run.settings)
     return [name for name, known in (("IMU", imu != UNKNOWN_IMU), ("lidar", lidar != UNKNOWN_LIDAR)) if not known]
-
-
-def _lasers(lasers: Sequence[Intrinsic]) -> str:
-    """The two that are farthest off, and how many more. By ring, as clouds have them: a maker may number its lasers otherwise."""
-    ordered = sorted(lasers, key=lambda p: -abs(p.value))
-    worst = " and ".join(
-        f"ring {p.name} reads {abs(p.value) * 1e3:.0f} mm {'long' if p.value > 0 else 'short'}" for p in ordered[:2]
-    )
-    more = len(ordered) - 2
-    return worst + (f" ({more} more {'is' if more == 1 else 'are'} off)" if more > 0 else "")

@@ -28,6 +28,7 @@ _CALLED: dict[Block, str] = {
     "accelerometer_scale": "the accelerometer's scale",
     "accelerometer_axes": "the angles between the accelerometer's axes",
     "accelerometer_delay": "the accelerometer's delay",
+    "accelerometer_quadratic": "how the accelerometer's lines bend",
     "g_sensitivity": "what the gyroscope feels of forces",
     "size_effect": "where the accelerometers sit",
     "clock_rate": "the clocks' rate",

@@ -47,6 +47,7 @@ def imu_intrinsics(nuisance: Nuisance, values: FloatArray) -> ImuIntrinsics:
         accel_scale=nuisance.values(values, "accelerometer_scale"),
         accel_axes=nuisance.values(values, "accelerometer_axes"),
         accel_delay_s=float(nuisance.values(values, "accelerometer_delay")[0]),
+        accel_quadratic=nuisance.values(values, "accelerometer_quadratic"),
         g_sensitivity=nuisance.values(values, "g_sensitivity"),
         size_effect=nuisance.values(values, "size_effect"),
     )

@@ -301,6 +301,7 @@ def choose_nuisance(
         "accelerometer_scale": imu.accelerometer_scale_std,
         "accelerometer_axes": imu.accelerometer_axes_std_rad,
         "accelerometer_delay": imu.accelerometer_delay_std_s,
+        "accelerometer_quadratic": imu.accelerometer_quadratic_std_s2_m,
         "g_sensitivity": imu.g_sensitivity_std_rad_s_m_s2,
         "size_effect": 0.0,  # admitted where it shows (assess/size_effect.py)
         "clock_rate": clock_rate_std_ppm,

@@ -205,6 +205,9 @@ def _imu(found: ImuDeviations, fault: Fault, draws: Draws) -> ImuDeviations:
             found = replace(found, g_sensitivity=tuple(float(value) for value in values))
         case "accel-delay":
             found = replace(found, accel_delay_s=draws.once(fault, prior.accelerometer_delay_std_s))
+        case "accel-bend":
+            std = prior.accelerometer_quadratic_std_s2_m if size is None else size
+            found = replace(found, accel_quadratic_s2_m=draws.axes(name, std))
         case "size-effect":
             places_m = _usual(fault) * draws.rng(name).standard_normal(9)
             found = replace(found, accel_places_m=tuple(places_m.tolist()))

@@ -1,11 +1,11 @@
 """Inertial readings of an IMU that is not ideal.
 
     gyroscope(t)     = (I + S_g + N_g) Exp(r_g) w(t) + A (f + e)(t)    S: scales of the axes, on the diagonal
-    accelerometer(t) = (I + S_a + N_a) (f + e)(t - delay)              N: axes off square, strictly below it
+    accelerometer(t) = (I + S_a + N_a) (f + e + q f^2)(t - delay)      N: axes off square, strictly below it
 
 with w, f the true angular rate and specific force in the axes that the accelerometer defines, and e what axis k feels of turns
-for sitting at r_k instead of the IMU's place: axis k of w' x r_k + w x (w x r_k). A low-pass filter (second order,
-Butterworth) acts on all of them before; the stamps allow for its delay, so that slow motion is in time.
+for sitting at r_k instead of the IMU's place: axis k of w' x r_k + w x (w x r_k); q bends the axes' lines. A low-pass filter
+(second order, Butterworth) acts on all of them before; the stamps allow for its delay, so that slow motion is in time.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SLOPE_S = 5e-7
 @dataclass(frozen=True, slots=True)
 class ImuDeviations:
     """What sets one IMU apart from an ideal one; see the module. *_axes_rad: yx, zx, zy.   g_sensitivity: A by rows
-    [rad/s/(m/s2)].   accel_places_m: r_x, r_y, r_z.   low_pass_hz: 0 for none."""
+    [rad/s/(m/s2)].   accel_quadratic_s2_m: q.   accel_places_m: r_x, r_y, r_z.   low_pass_hz: 0 for none."""
 
     gyro_scale: Vector = _ZERO
     gyro_axes_rad: Vector = _ZERO
@@ -41,6 +41,7 @@ class ImuDeviations:
     accel_axes_rad: Vector = _ZERO
     g_sensitivity: tuple[float, ...] = (0.0,) * 9
     accel_delay_s: float = 0.0
+    accel_quadratic_s2_m: Vector = _ZERO
     accel_places_m: tuple[float, ...] = (0.0,) * 9
     low_pass_hz: float = 0.0
 
@@ -55,7 +56,8 @@ class ImuDeviations:
         turned = Rotation.from_rotvec(self.gyro_rotation_rad).as_matrix()
         gyro_matrix = mixing(self.gyro_scale, self.gyro_axes_rad) @ turned
         gyro = rate @ gyro_matrix.T + force @ np.reshape(self.g_sensitivity, (3, 3)).T
-        return gyro, late @ mixing(self.accel_scale, self.accel_axes_rad).T
+        bent = late + np.asarray(self.accel_quadratic_s2_m) * late**2
+        return gyro, bent @ mixing(self.accel_scale, self.accel_axes_rad).T
 
 
 IDEAL_IMU = ImuDeviations()

@@ -48,6 +48,7 @@ def _of_imu(imu: ImuDeviations) -> Iterator[Parameter]:
     yield from _block("accelerometer_scale", imu.accel_scale)
     yield from _block("accelerometer_axes", imu.accel_axes_rad)
     yield from _block("accelerometer_delay", (imu.accel_delay_s,))
+    yield from _block("accelerometer_quadratic", imu.accel_quadratic_s2_m)
     yield from _block("g_sensitivity", imu.g_sensitivity)
     yield from _block("size_effect", imu.accel_places_m)
     if imu.low_pass_hz:

@@ -52,6 +52,7 @@ FAULTS: dict[str, Kind] = {
     "gyro-rotation": Kind("rad", "the gyroscope is turned against the accelerometer"),
     "g-sensitivity": Kind("rad/s/(m/s2)", "the gyroscope feels force"),
     "accel-delay": Kind("s", "the accelerometer is later than the gyroscope"),
+    "accel-bend": Kind("s2/m", "the accelerometer's lines bend: so much of an axis' squared reading is read too much"),
     "size-effect": Kind("m", "the accelerometer of each axis sits beside the IMU's place"),
     "low-pass": Kind("Hz", "gyroscope and accelerometer are filtered at this frequency, which the stamps allow for"),
     "clock-rate": Kind("ppm", "the lidar's clock runs faster than the IMU's"),

@@ -24,6 +24,7 @@ WRONG = ImuIntrinsics(
     accel_scale=np.array([-0.01, 0.005, 0.02]),
     accel_axes=np.array([0.003, 0.008, -0.005]),
     accel_delay_s=0.0,
+    accel_quadratic=np.array([2e-3, -1e-3, 3e-3]),
     g_sensitivity=np.array([2e-3, -1e-3, 5e-4, -1.5e-3, 1e-3, 2.5e-3, -5e-4, 3e-3, -2e-3]),
     size_effect=np.array([0.03, -0.02, 0.01, 0.015, 0.02, -0.025, -0.01, 0.02, 0.03]),
 )
@@ -31,7 +32,15 @@ WRONG = ImuIntrinsics(
 
 def _vector(values: FloatArray) -> ImuIntrinsics:
     return ImuIntrinsics(
-        values[:3], values[3:6], values[6:9], values[9:12], values[12:15], float(values[15]), values[16:25], values[25:]
+        values[:3],
+        values[3:6],
+        values[6:9],
+        values[9:12],
+        values[12:15],
+        float(values[15]),
+        values[16:19],
+        values[19:28],
+        values[28:],
     )
 
 
@@ -54,7 +63,7 @@ def test_a_reading_made_by_the_formula_is_taken_apart_again(absent: str) -> None
 
     Mutations: the gyroscope's rotation from the other side, an upper triangle, the inverse forgotten, forces felt by
     columns, or as they are read; the places of accelerometers by columns, their turn ever faster left out."""
-    true, wrong = _readings(0), replace(WRONG, **{absent: np.zeros(9)})
+    true, wrong = _readings(0), replace(WRONG, **{absent: np.zeros(9)}, accel_quadratic=np.zeros(3))
     slope = (true.knot_gyro[1] - true.knot_gyro[0]) / H_S
     np.testing.assert_allclose(true.gyro[-1, -1], true.knot_gyro[0] + (true.gauss_s[-1, -1] - true.knots_s[0]) * slope)
     places = np.reshape(wrong.size_effect, (3, 3))
@@ -78,6 +87,21 @@ def test_a_reading_made_by_the_formula_is_taken_apart_again(absent: str) -> None
         np.testing.assert_allclose(getattr(back, name), getattr(true, name), atol=1e-12)
 
 
+def test_a_line_that_bends_is_straightened() -> None:
+    """To first order: what is left is twice the bend of what it bends. Mutations: its sign; squared before the axes are turned
+    back; the gyroscope's.
+    """
+    true, bend = _readings(2), np.array([2e-4, -1e-4, 3e-4])
+    accel, knot_accel = (a + bend * a**2 for a in (true.accel, true.knot_accel))
+    wrong = replace(_vector(np.zeros(COLUMNS)), accel_quadratic=bend, accel_axes=WRONG.accel_axes)
+    lower = np.array([[1, 0, 0], [0.003, 1, 0], [0.008, -0.005, 1]])
+    back = corrected(replace(true, accel=accel @ lower.T, knot_accel=knot_accel @ lower.T), wrong)
+    for name in ("accel", "knot_accel"):
+        straight = getattr(true, name)
+        assert (np.abs(getattr(back, name) - straight) < 2.1 * bend**2 * np.abs(straight) ** 3).all()
+    np.testing.assert_allclose(back.gyro, true.gyro)
+
+
 @pytest.mark.parametrize("column", [k for k in range(COLUMNS) if k != 15])
 def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
     """Finite differences of integrated links. Mutations: a column's sign, yx for zx, scale applied before the rotation."""
@@ -90,6 +114,7 @@ def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
             WRONG.accel_scale,
             WRONG.accel_axes,
             [0.0],
+            np.zeros(3),
             1e-2 * WRONG.g_sensitivity,
             np.zeros(9),  # the other columns leave out what they change of it
         ]

@@ -63,6 +63,16 @@ def test_a_gyroscope_is_turned_scaled_and_feels_force() -> None:
     np.testing.assert_allclose(gyro[0], [2.0 * np.sin(0.3) + 9.8e-3, 0.0, 2.02 * np.cos(0.3)])
 
 
+def test_an_accelerometers_line_bends_axis_by_axis() -> None:
+    """A still one's: q f^2 more on each axis, whatever the sign of f. Mutations: the norm's square; the sign of f kept."""
+    plain, bent = made("", STATIC), made("accel-bend=1e-4", STATIC)
+    q = truth_of(bent, "accelerometer_quadratic")
+    f = plain.imu_messages.accel_m_s2[0]
+    expected = f + np.array([q["x"], q["y"], q["z"]]) * f**2
+    np.testing.assert_allclose(bent.imu_messages.accel_m_s2, np.tile(expected, (len(bent.imu_messages.true_ns), 1)))
+    assert min(abs(value) for value in q.values()) > 1e-6
+
+
 def test_accelerometers_apart_feel_the_turns() -> None:
     """A turntable's x accelerometer, 0.1 m out along x, is pulled in by w^2 r; y's, as far out, is dragged by w' r; z's along the
     axis feels nothing. The gyroscope reads the same. Mutations: the sign of either; a place for another axis; the slope halved.

@@ -10,7 +10,8 @@ import pytest
 
 from calib_core.full.assess import confidence
 from calib_core.full.assess.disagreement import Disagreement
-from calib_core.full.assess.sensors import _sentences, sensor_findings
+from calib_core.full.assess.sensor_sentences import sentences
+from calib_core.full.assess.sensors import sensor_findings
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from calib_core.full.run import LineStd
 from calib_core.intrinsics import NAMES, UNITS, Block
@@ -45,6 +46,13 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
         ("laser_range_offset", -0.009, True, "sensor.laser_range", "ring 4 reads 9 mm short"),
         ("accelerometer_delay", 2e-3, True, "sensor.delay", "the accelerometer is 2.00 ms behind the gyroscope"),
         (
+            "accelerometer_quadratic",
+            -1.2e-4,
+            True,
+            "sensor.accelerometer_quadratic",
+            "the accelerometer's x axis is no straight line: 1.2 mg too little at one g; it was taken out",
+        ),
+        (
             "g_sensitivity",
             1.8e-4,
             True,
@@ -71,12 +79,12 @@ def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bo
     found = [_found(block, value)]
     if block == "size_effect":
         found = [found[0].model_copy(update={"name": name, "value": value * (name == "xx")}) for name in NAMES[block]]
-    ((told, sentence),) = _sentences(found, corrected=corrected)
+    ((told, sentence),) = sentences(found, corrected=corrected)
     assert told == code
     assert text in sentence
     none = [each.model_copy(update={"significant": False}) for each in found]
     # Accelerometers were told to be apart before they became unknowns.
-    assert [said for said, _ in _sentences(none, corrected=corrected)] == [code] * (block == "size_effect")
+    assert [said for said, _ in sentences(none, corrected=corrected)] == [code] * (block == "size_effect")
 
 
 def test_what_is_farthest_off_in_its_own_sigmas_comes_first() -> None:
@@ -85,8 +93,8 @@ def test_what_is_farthest_off_in_its_own_sigmas_comes_first() -> None:
     found = [_found("laser_range_offset", -0.009), _found("clock_rate", -60.5), _found("gyroscope_scale", -4e-3)]
     found = [one.model_copy(update={"std": std}) for one, std in zip(found, (2e-3, 10.0, 1e-4), strict=True)]
     apart = [_found("size_effect", 1e-5).model_copy(update={"name": name}) for name in NAMES["size_effect"]]
-    assert next(code for code, _ in _sentences([*found, *apart], corrected=True)) == "sensor.size_effect"
-    assert [code for code, _ in _sentences(found, corrected=True)] == [
+    assert next(code for code, _ in sentences([*found, *apart], corrected=True)) == "sensor.size_effect"
+    assert [code for code, _ in sentences(found, corrected=True)] == [
         "sensor.gyroscope_scale",
         "sensor.clock",
         "sensor.laser_range",
@@ -100,7 +108,7 @@ def test_what_is_farthest_off_in_its_own_sigmas_comes_first() -> None:
 def test_lasers_beyond_the_first_two_are_counted(count: int, tail: str) -> None:
     """Mutations: one that are off; the two that are named counted along."""
     found = [_found("laser_range_offset", -0.01).model_copy(update={"name": str(k)}) for k in range(count)]
-    ((_, sentence),) = _sentences(found, corrected=True)
+    ((_, sentence),) = sentences(found, corrected=True)
     assert tail in sentence
 
 
