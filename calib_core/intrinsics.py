@@ -161,7 +161,7 @@ UNKNOWN_IMU = ImuPrior(
     accelerometer_scale_std=0.01,
     accelerometer_axes_std_rad=0.01,
     accelerometer_delay_std_s=0.002,
-    accelerometer_quadratic_std_s2_m=1e-4,
+    accelerometer_quadratic_std_s2_m=1.1e-4,
     g_sensitivity_std_rad_s_m_s2=1.8e-4,
 )
 UNKNOWN_LIDAR = LidarPrior(

@@ -128,7 +128,7 @@ def _remarks(result: CalibrationResult) -> list[str]:
     bends = np.array([each.value for each in result.intrinsics if each.block == "accelerometer_quadratic"])
     if bends.any():
         lines.append(
-            f"Of squared accelerations [{decimals(bends)}] 1/(m/s2) are read too much; Kalibr has no key for it."
+            f"Of squared accelerations [{decimals(bends)}] 1/(m/s²) are read too much; Kalibr has no key for it."
         )
     if any(each.state == "considered" for each in here):
         lines.append(FOUND_BESIDE)

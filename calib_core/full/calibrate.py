@@ -18,8 +18,8 @@ import numpy as np
 from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
+from calib_core.full.assess.late import with_late_blocks
 from calib_core.full.assess.plausibility import implausible
-from calib_core.full.assess.size_effect import with_accelerometers_apart
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
@@ -172,15 +172,15 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
 
 
 def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confidence]:
-    """What is known by a solve; gone on with each accelerometer's place where they turn out to be apart."""
+    """What is known by a solve; gone on with what of the sensors shows only at its end."""
     unsay = run.attempt()
     trust = weigh(run, solved, is_choice=is_choice)
-    apart = with_accelerometers_apart(run, solved, trust.found)
-    if apart is None:
+    late = with_late_blocks(run, solved, trust.found)
+    if late is None:
         return solved, trust
     unsay()
     try:
-        further = estimate_further(run, apart, FULL)
+        further = estimate_further(run, late, FULL)
         return further, weigh(run, further, is_choice=is_choice)
     except Refused as refused:
         if not refused.code.startswith("solve."):

@@ -43,6 +43,18 @@ class Restored:
     variance: FloatArray
     run: IntArray
 
+    def after(self, before: Restored | None) -> Restored:
+        """Of both, where what was lost was restored to what another had made of the readings."""
+        if before is None:
+            return self
+        index = np.searchsorted(self.imu.stamps_ns, before.imu.stamps_ns[before.index])
+        return replace(
+            self,
+            index=np.concatenate([self.index, index]),
+            variance=np.concatenate([self.variance, before.variance]),
+            run=np.concatenate([self.run, before.run]),
+        )
+
     def allowed_for(self, up: UpsampledImu, stamps_s: FloatArray, noise: NoiseDensity) -> UpsampledImu:
         """The links with what restored readings are further off than read ones. stamps_s: (Q,) of all.
 

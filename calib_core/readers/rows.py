@@ -108,7 +108,8 @@ def find_rows(sample: Sequence[RawCloud]) -> Rows | None:
     at = np.flatnonzero(filled)
     first_of = np.flatnonzero(np.diff(at, prepend=-1000) > _JOINED_BINS)
     begins, ends = at[first_of], at[np.append(first_of[1:], at.size) - 1] + 1
-    held = np.add.reduceat(counts, np.stack([begins, ends], axis=1).ravel())[::2]
+    below = np.concatenate([[0], np.cumsum(counts)])
+    held = below[ends] - below[begins]
     some = held > _LEAST_SHARE * elevation_deg.size / len(held)
     begins, ends, held = begins[some], ends[some], held[some]
     is_sharp = int(np.sum(ends - begins)) <= _FULLEST * (ends[-1] - begins[0])

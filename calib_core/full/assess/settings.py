@@ -143,5 +143,18 @@ class AccelerometersApart:
     step: float = 1.02
 
 
+@dataclass(frozen=True, slots=True)
+class Bending:
+    """When an IMU's accelerometers are taken to bend."""
+
+    #: derived: what the data tell to less than nine tenths of the variance that is allowed beforehand; of the rest they say next
+    #: to nothing. One direction is enough.
+    known: float = 0.9
+    fewest: int = 1
+    #: derived: all of them bend by about what is allowed, so that one recording in a thousand in which chance makes as much is
+    #: none the worse for it; what is left unseen is off by four standard deviations at the most.
+    chance: float = 1e-3
+
+
 PLAUSIBLE, WORDING, PARTS, GIVEN = Plausible(), Wording(), Parts(), Given()
-CLOCK_STEP, SILENCE, APART = ClockSteps(), Silence(), AccelerometersApart()
+CLOCK_STEP, SILENCE, APART, BENDING = ClockSteps(), Silence(), AccelerometersApart(), Bending()

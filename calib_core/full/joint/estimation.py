@@ -19,7 +19,7 @@ from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Estimate
 from calib_core.full.joint.view import View
 from calib_core.full.planes.standing import Fault
-from calib_core.full.prepare.nuisance import SIZE_EFFECT, Nuisance
+from calib_core.full.prepare.nuisance import LATE, Nuisance
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import UpsampledImu, asked_later
 from calib_core.solver.levenberg import Minimum, SharedEquations
@@ -179,8 +179,9 @@ class Estimation:
     def with_priors_of(self, sensors: Nuisance) -> Estimation:
         """With these for the sensors' own parameters: what is known of them, by the priors that these have."""
         before, values = self.nuisance, self.estimate.nuisance
-        if SIZE_EFFECT in before.places:  # in no sheet
-            sensors = sensors.with_size_effect(float(before.prior_std[before.places[SIZE_EFFECT]][0]))
+        for late in LATE:  # in no list of what is unknown from the start
+            if late in before.places:
+                sensors = sensors.with_late(late, float(before.prior_std[before.places[late]][0]))
         known = [
             values[before.places[each.block]] if each.block in before.places else np.zeros(len(each.names))
             for each in sensors.blocks

@@ -41,8 +41,10 @@ TONE: Literal["tone"] = "tone"
 #: Of the room, too: by how much each plane's material lengthens ranges, beside what all do. Admitted with the sensors.
 MATERIAL: Literal["material"] = "material"
 AnyBlock = Block | Literal["surface", "tone", "material"]
-#: Of the IMU, but in no sheet: admitted where the accelerometers turn out to be apart.
+#: Of the IMU, but no unknowns before they show (assess/late.py): where its accelerometers are, and how their lines bend.
 SIZE_EFFECT: Literal["size_effect"] = "size_effect"
+QUADRATIC: Literal["accelerometer_quadratic"] = "accelerometer_quadratic"
+LATE: tuple[Literal["size_effect", "accelerometer_quadratic"], ...] = (SIZE_EFFECT, QUADRATIC)
 _OF_NO_SENSOR = (MATERIAL, TONE, SURFACE)
 _TONE_NAMES = (
     *(
@@ -163,12 +165,11 @@ class Nuisance:
         own = self.sensors.blocks
         return replace(self, blocks=(*own, block, *self.blocks[len(own) :]))
 
-    def with_size_effect(self, std_m: float) -> Nuisance:
-        """With where each axis' accelerometer is as unknowns, so far from the middle, after the sensors' own; instead of those
-        that were there."""
-        own = tuple(each for each in self.sensors.blocks if each.block != SIZE_EFFECT)
-        block = NuisanceBlock(SIZE_EFFECT, NAMES[SIZE_EFFECT], np.full(len(NAMES[SIZE_EFFECT]), std_m))
-        return replace(self, blocks=(*own, block, *self.blocks[len(self.sensors.blocks) :]))
+    def with_late(self, block: Block, std: float) -> Nuisance:
+        """With one of LATE among the unknowns, so large each, after the sensors' own; instead of what was there of it."""
+        own = tuple(each for each in self.sensors.blocks if each.block != block)
+        late = NuisanceBlock(block, NAMES[block], np.full(len(NAMES[block]), std))
+        return replace(self, blocks=(*own, late, *self.blocks[len(self.sensors.blocks) :]))
 
     def of_planes(self, keep: BoolArray, values: FloatArray) -> tuple[Nuisance, FloatArray]:
         """Of some of the planes (P,) alone, and the values (N,) of those. The patches of surfaces have to be found anew."""
@@ -301,9 +302,9 @@ def choose_nuisance(
         "accelerometer_scale": imu.accelerometer_scale_std,
         "accelerometer_axes": imu.accelerometer_axes_std_rad,
         "accelerometer_delay": imu.accelerometer_delay_std_s,
-        "accelerometer_quadratic": imu.accelerometer_quadratic_std_s2_m,
+        "accelerometer_quadratic": 0.0,  # these two are admitted where they show (assess/late.py)
         "g_sensitivity": imu.g_sensitivity_std_rad_s_m_s2,
-        "size_effect": 0.0,  # admitted where it shows (assess/size_effect.py)
+        "size_effect": 0.0,
         "clock_rate": clock_rate_std_ppm,
         "laser_range_offset": lidar.laser_range_offset_std_m,
         "laser_elevation": lidar.laser_elevation_std_rad,

@@ -21,6 +21,7 @@ from calib_core.gp.training import fit_hyper
 from calib_core.imu.clipping import clipped, clipped_text
 from calib_core.imu.coarse import coarse_text
 from calib_core.imu.preintegration import NoiseDensity
+from calib_core.imu.unclipped import unclipped
 from calib_core.presets import find_imu_preset
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import IntArray, Recording
@@ -56,6 +57,9 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     steps = _steps(recording, stamps_ns, settings)
     _say_exact(recording, stamps_ns, settings, on_event)
     recording, imu_line = as_taken(recording, settings, on_event)
+    cut = unclipped(recording.imu)
+    shares = clipped(recording.imu)
+    recording = recording if cut is None else replace(recording, imu=cut.imu)
     recording, lost = with_lost(recording, settings, on_event)
     stamped = look(recording, stamps_ns)
     require_order(stamped.stamps_ns, "scans")
@@ -69,7 +73,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
         sieve_std_s=0.0 if sieve is None else sieve.std_s,
     )
     imu = recording.imu
-    if text := clipped_text(clipped(imu)):
+    if text := clipped_text(shares):
         text += "; what is found of its scale, axes and delay may come of that: move more gently, or widen its range"
         on_event(LogEvent(level="warning", code="imu.clipped", text=text))
     noise = _imu_noise(recording, settings, clocks, on_event)
@@ -82,7 +86,8 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     pool.shutdown(wait=False)
     return Run(
         recording, settings, clocks, noise, training, on_event, should_cancel,
-        farthest_m=seen.farthest_m, sieve_m=0.0 if sieve is None else sieve.cell_m, restored=lost,
+        farthest_m=seen.farthest_m, sieve_m=0.0 if sieve is None else sieve.cell_m,
+        restored=cut if lost is None else lost.after(cut),
     )  # fmt: skip
 
 

@@ -222,7 +222,7 @@ def test_what_kalibr_has_no_key_for_is_said() -> None:
     result.clock_rate_ppm, result.time_offset_at_s = 12.5, 30.0
     text = export(result, "kalibr-imu")
     assert "1.500 ms behind the gyroscope" in text
-    assert "squared accelerations [0.0, 0.0001, 0.0002] 1/(m/s2) are read too much" in text
+    assert "squared accelerations [0.0, 0.0001, 0.0002] 1/(m/s²) are read too much" in text
     assert "grows by 12.50 us a second; it holds 30.000 s after" in text
     assert (
         "ideal and not estimated: gyroscope_axes, gyroscope_rotation, accelerometer_scale, accelerometer_axes, g_sensitivity."

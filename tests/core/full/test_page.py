@@ -251,7 +251,7 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
 
     monkeypatch.setattr(page, "weigh", weigh)
     monkeypatch.setattr(page, "estimate_further", further)
-    monkeypatch.setattr(page, "with_accelerometers_apart", apart)
+    monkeypatch.setattr(page, "with_late_blocks", apart)
 
     def told(solved: Any) -> tuple[str, str, list[str]]:
         heard.unsay(1)

@@ -70,7 +70,8 @@ def test_rows_that_are_seen_later_are_lasers_of_their_own() -> None:
 
 
 def test_where_there_are_no_rows_nothing_is_told() -> None:
-    """A beam that is steered anywhere, a rotor's points in the frame of a tilted mount, a twentieth astray, one point, none.
+    """A beam that is steered anywhere, and up to straight up (seen: a defect), a rotor's points in the frame of a tilted mount, a
+    twentieth astray, one point, none.
 
     Mutations: rows that fill the most of what lies between them; rows of half of the points.
     """
@@ -81,6 +82,7 @@ def test_where_there_are_no_rows_nothing_is_told() -> None:
     astray = [np.where(np.arange(8000) % 20 > 0, lasers(16, k), 16 + lasers(8000, k)) for k in range(12)]
     mixed = np.concatenate([VLP_16_DEG, np.linspace(-45.0, 45.0, 8000)])
     assert find_rows([cloud(mixed, each, k) for k, each in enumerate(astray)]) is None
+    assert find_rows([cloud(anywhere * 90.0 / 25.0, np.arange(8000), k) for k in range(12)]) is None
     assert find_rows([cloud(VLP_16_DEG, np.zeros(0, np.int64), 1)]) is None
     assert find_rows([cloud(VLP_16_DEG, np.zeros(1, np.int64), 1)]) is None
 

@@ -50,15 +50,15 @@ def test_no_scan_and_wild_numbers_name_no_laser() -> None:
 def test_blocks_lie_one_after_the_other() -> None:
     """Mutation: a block without room kept; names of the lasers left out."""
     every = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=16, clock_rate_std_ppm=40.0)
-    assert every.size == 28 + 1 + 4 * 16 + 2 + 3
+    assert every.size == 25 + 1 + 4 * 16 + 2 + 3
     assert every.lasers == 16
-    assert every.start("clock_rate") == 28
+    assert every.start("clock_rate") == 25
     vector = np.arange(every.size, dtype=float)
-    assert every.values(vector, "laser_azimuth").tolist() == list(range(29 + 32, 29 + 48))
+    assert every.values(vector, "laser_azimuth").tolist() == list(range(26 + 32, 26 + 48))
     solid = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=0, clock_rate_std_ppm=0.0)
     assert solid.start("clock_rate") == -1
     assert solid.start("laser_range_offset") == -1
-    assert solid.size == 28 + 5
+    assert solid.size == 25 + 5
 
 
 def test_settings_decide(noisy: tuple[Recording, Truth]) -> None:

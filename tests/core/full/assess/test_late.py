@@ -11,8 +11,8 @@ import pytest
 from scipy.stats import kstest
 
 from calib_core.calibrate import calibrate
-from calib_core.full.assess import size_effect
-from calib_core.full.assess.size_effect import Places, places_of
+from calib_core.full.assess import late
+from calib_core.full.assess.late import Told, told_of
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate, parse_faults
@@ -25,13 +25,13 @@ MIDDLE = np.kron(np.full((3, 1), 3**-0.5), np.eye(3))
 BESIDE = np.linalg.qr(np.eye(9) - MIDDLE @ MIDDLE.T)[0][:, :6]
 
 
-def _told(rng: np.random.Generator, true_m: FloatArray, stds_m: FloatArray) -> Places | None:
+def _told(rng: np.random.Generator, true_m: FloatArray, stds_m: FloatArray) -> Told | None:
     """What a recording says of places (9,) that it knows by these standard deviations (6,) along directions of its own."""
     axes = np.linalg.qr(rng.normal(size=(6, 6)))[0]
     information = BESIDE @ (axes / stds_m**2) @ axes.T @ BESIDE.T  # of the middle, nothing
     read = information @ true_m + BESIDE @ axes @ (rng.normal(size=6) / stds_m)
     spread = np.linalg.inv(information + np.eye(9) / PRIOR_M**2)
-    return places_of(spread @ read, spread, PRIOR_M)
+    return told_of(BESIDE.T @ spread @ read, BESIDE.T @ spread @ BESIDE, PRIOR_M, 0.25, 3)
 
 
 @pytest.mark.parametrize("stds_mm", [(1.0,) * 6, (0.1, 3.0, 11.0, 11.0, 11.0, 11.0)], ids=["alike", "some hardly"])
@@ -61,7 +61,7 @@ def test_a_size_is_told_to_a_third(size_m: float) -> None:
 
 def test_errors_that_are_larger_than_stated_make_chance_more_likely() -> None:
     """Closed form: of two numbers, chance is exp(-square / 2). Mutation: the ratio not squared."""
-    two = Places(np.array([3e-3, 4e-3]), np.full(2, 1e-3))
+    two = Told(np.array([3e-3, 4e-3]), np.full(2, 1e-3))
     assert two.chance() == pytest.approx(np.exp(-12.5))
     assert two.chance(2.0) == pytest.approx(np.exp(-12.5 / 4.0))
 
@@ -73,8 +73,8 @@ def test_what_is_hardly_told_is_not_asked() -> None:
     assert _told(rng, np.zeros(9), np.array([1e-3, 1e-3, 1.0, 1.0, 1.0, 1.0])) is None
     places = _told(rng, np.zeros(9), np.array([1e-3, 1e-3, 1e-3, 1.0, 1.0, 1.0]))
     assert places is not None
-    assert places.at_m.shape == (3,)
-    np.testing.assert_allclose(places.std_m, 1e-3)
+    assert places.at.shape == (3,)
+    np.testing.assert_allclose(places.std, 1e-3)
 
 
 @dataclass
@@ -103,26 +103,30 @@ def test_who_is_asked(
 ) -> None:
     """Six numbers, each known to a millimetre: a square of 216 or of 24. Mutations: chance not asked; any ratio passed over;
     asked whatever is wanted; asked a second time."""
-    places = Places(np.full(6, 1e-3 * at_mm), np.full(6, 1e-3))
-    monkeypatch.setattr(size_effect, "places_told", lambda _: places)
-    monkeypatch.setattr(size_effect, "with_size_effect", lambda state, size_m: (state, size_m))
+    places = Told(np.full(6, 1e-3 * at_mm), np.full(6, 1e-3))
+    monkeypatch.setattr(
+        late, "late_told", lambda _solved, _stds, asked: {b: places for b in asked if b == "size_effect"}
+    )
+    monkeypatch.setattr(late, "with_late", lambda state, _, size_m: (state, size_m))
+    monkeypatch.setattr(late, "_bend_s2_m", lambda _: 1e-4)
     run: Any = SimpleNamespace(settings=SimpleNamespace(intrinsics=wanted))
     solved: Any = Ended(SimpleNamespace(places=dict.fromkeys(before)))
     found: Any = [
         SimpleNamespace(is_beyond_noise=True, ratio=ratio),
         SimpleNamespace(is_beyond_noise=False, ratio=4.0),
     ]
-    on = size_effect.with_accelerometers_apart(run, solved, found)
+    on = late.with_late_blocks(run, solved, found)
     assert (on is not None) is apart
     assert on is None or on.state == ("end", places.size_m)
 
 
 def test_a_chips_own_size_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     """Half a millimetre, beyond all chance. Mutation: of any size."""
-    monkeypatch.setattr(size_effect, "places_told", lambda _: Places(np.full(6, 5e-4), np.full(6, 1e-5)))
+    monkeypatch.setattr(late, "late_told", lambda *_: {"size_effect": Told(np.full(6, 5e-4), np.full(6, 1e-5))})
+    monkeypatch.setattr(late, "_bend_s2_m", lambda _: 1e-4)
     run: Any = SimpleNamespace(settings=SimpleNamespace(intrinsics="auto"))
     solved: Any = Ended(SimpleNamespace(places={}))
-    assert size_effect.with_accelerometers_apart(run, solved, ()) is None
+    assert late.with_late_blocks(run, solved, ()) is None
 
 
 def _calibrated(faults: str, **settings: Any) -> tuple[CalibrationResult, float]:

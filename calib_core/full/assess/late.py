@@ -1,0 +1,147 @@
+"""What of an IMU shows only at the end of a solve: accelerometers that are apart (Kalibr's size effect), and lines that bend.
+
+An accelerometer that sits beside the others by r feels w' x r + w x (w x r) more, some millimetres of which turn the answer by
+many of its standard deviations. All of them beside where they are thought to be is the lidar's own lever arm: nothing tells that
+but how far apart they are. Chips have theirs within a millimetre, so that none is allowed for that does not show. One step from
+the end of a solve, with a wide prior p^2 I of the nine r, tells them: what it says of the six beside their middle is, without
+that prior,
+
+    J = V^-1 - I / p^2,     x = J^-1 V^-1 v        (v, V: the six and their covariance, J: the information of the data)
+
+and x' J x follows a chi-square law where all six are zero. What parts of the recording disagree about looks like anything, a bent
+wall like this: the square counts as many times less as they disagree more than noise allows.
+
+An accelerometer's line bends, q a^2, by what its sheet has as nonlinearity. Unknown from the start, that takes slow tones upon
+itself while the motion is rough; it is told in the same way, by the same step, with what its sheet allows for p.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy
+
+from calib_core.full.assess.disagreement import Disagreement
+from calib_core.full.assess.settings import APART, BENDING
+from calib_core.full.joint.estimation import Estimation, Solved
+from calib_core.full.joint.present import problem_of
+from calib_core.full.prepare.nuisance import LATE, QUADRATIC, SIZE_EFFECT, priors_of
+from calib_core.full.run import Run
+from calib_core.intrinsics import Block
+from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.solver.information import covariance
+from calib_core.types import FloatArray
+
+#: (9, 6) what three places are beside their middle.
+_BESIDE = np.linalg.svd(np.eye(9) - np.kron(np.full((3, 3), 1.0 / 3.0), np.eye(3)))[0][:, :6]
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What the data tell of parameters that are zero as far as anybody knows, along K directions of theirs.
+
+    at: (K,) least squares.   std: (K,) of it.
+    """
+
+    at: FloatArray
+    std: FloatArray
+
+    def chance(self, wider: float = 1.0) -> float:
+        """That all are zero and yet so far off. wider: by how many times errors are larger than stated."""
+        square = float(np.sum((self.at / self.std) ** 2)) / wider**2
+        return float(scipy.special.gammaincc(0.5 * len(self.at), 0.5 * square))
+
+    @property
+    def size_m(self) -> float:
+        """Standard deviation of places along each axis that makes these the likeliest."""
+        sizes_m = np.arange(np.log(0.1 * APART.least_m), np.log(10.0 * APART.tried_m), np.log(APART.step))
+        variance = np.exp(2.0 * sizes_m)[:, None] + self.std**2
+        return float(np.exp(sizes_m[np.argmin(np.sum(np.log(variance) + self.at**2 / variance, axis=1))]))
+
+
+def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) -> Solved | None:
+    """The same solve with what shows among the unknowns, to go on from; None where nothing does, or all were asked before.
+
+    found: what parts of the recording disagree about.
+    """
+    asked = [block for block in LATE if _is_wanted(run, block) and block not in solved.nuisance.places]
+    if not asked:
+        return None
+    bend = _bend_s2_m(run)
+    told = late_told(solved, {SIZE_EFFECT: APART.tried_m, QUADRATIC: bend}, asked)
+    wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
+    state = solved.state
+    places, bends = told.get(SIZE_EFFECT), told.get(QUADRATIC)
+    if places is not None and places.chance(wider) < APART.chance and places.size_m > APART.least_m:
+        state = with_late(state, SIZE_EFFECT, places.size_m)
+    if bends is not None and bends.chance(wider) < BENDING.chance:
+        state = with_late(state, QUADRATIC, bend)
+    return None if state is solved.state else replace(solved, state=state)
+
+
+def _is_wanted(run: Run, block: Block) -> bool:
+    wanted = run.settings.intrinsics
+    return wanted == "auto" if isinstance(wanted, str) else block in wanted
+
+
+def _bend_s2_m(run: Run) -> float:
+    """What is usual of the lines of this IMU's accelerometers."""
+    imu, _ = priors_of(run.recording, run.settings, run.beyond_sheets)
+    return imu.accelerometer_quadratic_std_s2_m
+
+
+def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block]) -> dict[Block, Told | None]:
+    """By one step from the end of a solve, where each parameter of a block asked is allowed this much; None where that says too
+    little."""
+    tried = solved.state
+    for block in asked:
+        tried = with_late(tried, block, stds[block])
+    laid_out, nuisance = solved.problem.bins.nuisance, tried.nuisance
+    if len(laid_out):
+        before = solved.nuisance
+        laid_out = np.concatenate(
+            [
+                laid_out[before.places[each.block]] if each.block in before.places else np.zeros(len(each.names))
+                for each in nuisance.blocks
+            ]
+        )
+    else:
+        laid_out = np.zeros(nuisance.size)
+    problem = replace(problem_of(solved.data, tried), bins=replace(solved.problem.bins, nuisance=laid_out))
+    try:
+        solution = solve_arrow(problem.linearise(tried.estimate))
+    except NotPositiveDefinite:
+        return {}
+    spread = covariance(solution.information).matrix
+    start = problem.layout(tried.estimate).nuisance().start
+    told: dict[Block, Told | None] = {}
+    for block in asked:
+        place = nuisance.places[block]
+        own = slice(start + place.start, start + place.stop)
+        of = _BESIDE if block == SIZE_EFFECT else np.eye(place.stop - place.start)
+        rule = (APART.known, APART.fewest) if block == SIZE_EFFECT else (BENDING.known, BENDING.fewest)
+        told[block] = told_of(of.T @ solution.step_shared[own], of.T @ spread[own, own] @ of, stds[block], *rule)
+    return told
+
+
+def told_of(value: FloatArray, spread: FloatArray, prior: float, known_to: float, fewest: int) -> Told | None:
+    """Of what a step tells of parameters (N,), with its covariance (N, N), where each was allowed this standard deviation.
+
+    known_to: share of that variance to which the data have to tell a direction; None where they tell fewer than asked.
+    """
+    variance, axes = np.linalg.eigh(spread)
+    known = (variance > 0.0) & (variance < known_to * prior**2)
+    if np.count_nonzero(known) < fewest:
+        return None
+    by_data = 1.0 / variance[known] - 1.0 / prior**2
+    return Told(axes[:, known].T @ value / variance[known] / by_data, 1.0 / np.sqrt(by_data))
+
+
+def with_late(state: Estimation, block: Block, std: float) -> Estimation:
+    """With one of them among the unknowns, of which nothing is known yet."""
+    nuisance = state.nuisance.with_late(block, std)
+    place = nuisance.places[block]
+    values = np.insert(state.estimate.nuisance, place.start, np.zeros(place.stop - place.start))
+    return state.with_nuisance(nuisance, values)
