@@ -72,7 +72,8 @@ class SeenPlanes(NamedTuple):
 class Weighing(NamedTuple):
     """What a hit's weight depends on beside itself: lidar_plane.LidarNoise and Gate.
 
-    extra_stds: the extra width of a gate in standard deviations of what it makes room for.   farthest_m: no range beyond.
+    extra_stds: the extra width of a gate in standard deviations of what it makes room for.   farthest_m: no range beyond, and
+    none nearer than nearest_m, 0 where there is no such limit.
     sieve_m: edge of the cells of which each left one point, 0 for none.   least_cosine: of the incidence at which one counts.
     """
 
@@ -85,6 +86,7 @@ class Weighing(NamedTuple):
     farthest_m: float
     sieve_m: float
     least_cosine: float
+    nearest_m: float
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -202,17 +204,21 @@ def weight_of(
 ) -> float:
     """Weight [1/m^2] of a hit at x, y, z, below zero where it does not count.
 
-    extra_m: room in its plane's gate, below zero for none.   Where the ray meets the plane no nearer to the farthest range
-    than noise reaches, of returns only those that read short are there: none is taken.
+    extra_m: room in its plane's gate, below zero for none.   Where the ray meets the plane nearer to the farthest range than
+    noise reaches, of returns only those that read short are there, and by the nearest only those that read long: none is taken.
     """
-    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m, _, least_cosine = weighing
+    range_std_m, surface_std_m, sigmas, margin_m, robust_sigmas, extra_stds, farthest_m, _, least_cosine, nearest_m = (
+        weighing
+    )
     variance = (range_std_m * cosine) ** 2 + surface_std_m**2
     std = math.sqrt(variance)
     room = sigmas * std + extra_m - abs(d)
     clear = ambiguous_m - (1.0 - RAMP) * margin_m
     range_m2, most_m = x * x + y * y + z * z, max(farthest_m - sigmas * range_std_m, 0.0)
+    least_m = nearest_m + sigmas * range_std_m if nearest_m > 0.0 else 0.0
     facing = -cosine - least_cosine
-    counts = (extra_m >= 0.0) & (room > 0.0) & (clear > 0.0) & (range_m2 < most_m * most_m) & (facing > 0.0)
+    within = (range_m2 < most_m * most_m) & (range_m2 >= least_m * least_m)
+    counts = (extra_m >= 0.0) & (room > 0.0) & (clear > 0.0) & within & (facing > 0.0)
     shortfall = max(1.0 - (d / (robust_sigmas * std + extra_m)) ** 2, 0.0)
     edge = min(room / (RAMP * std), 1.0)
     edge *= min(facing / (RAMP * least_cosine), 1.0)
@@ -220,6 +226,8 @@ def weight_of(
         edge *= min(clear / (RAMP * margin_m), 1.0)
     far = min((most_m - math.sqrt(range_m2)) / (RAMP * range_std_m), 1.0)
     edge = edge * far if range_m2 > (most_m - RAMP * range_std_m) ** 2 else edge
+    near = min((math.sqrt(range_m2) - least_m) / (RAMP * range_std_m), 1.0)
+    edge = edge * near if range_m2 < (least_m + RAMP * range_std_m) ** 2 else edge
     weight = edge * shortfall**2 / (variance + (extra_m / extra_stds) ** 2)
     return weight if counts else -1.0
 

@@ -49,14 +49,16 @@ class LidarNoise:
     """Standard deviation of a point-to-plane distance: range_std_m along the ray, surface_std_m across the plane.
 
     std^2 = range_std_m^2 c^2 + surface_std_m^2, c the cosine between ray and normal.   farthest_m: the longest range that
-    was recorded. Of the returns from just beyond it those that read long are missing, so what is left there lies.   sieve_m: edge
-    of the cells of which somebody left one point each, 0 for none. Near their faces what is there lies as well.
+    was recorded. Of the returns from just beyond it those that read long are missing, so what is left there lies.   nearest_m:
+    the shortest, where those that read short are missing; 0 where nothing is known to cut them off.   sieve_m: edge of the
+    cells of which somebody left one point each, 0 for none. Near their faces what is there lies as well.
     """
 
     range_std_m: float
     surface_std_m: float
     farthest_m: float = float("inf")
     sieve_m: float = 0.0
+    nearest_m: float = 0.0
 
     def distance_std_m(self, cosine: FloatArray) -> FloatArray:
         """Of points seen under the given cosines."""
@@ -248,6 +250,7 @@ def weighing_of(noise: LidarNoise, gate: Gate) -> Weighing:
         noise.farthest_m,
         noise.sieve_m,
         gate.least_cosine,
+        noise.nearest_m,
     )
 
 

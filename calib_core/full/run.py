@@ -134,9 +134,10 @@ class ImuNoiseLevel:
 class Run:
     """What every stage needs, as `prepare` leaves it.
 
-    farthest_m: the longest range that any return has.   sieve_m: edge of the cells of which the clouds were left one point each,
-    0 for none.   restored: readings of the IMU that were lost on the way, None for none.   training: of the IMU's interpolation,
-    which goes on beside the search for planes.   portion: of the running stage, which what is reported now is a fraction of.
+    farthest_m: the longest range that any return has, nearest_m the shortest, 0 where a lidar sees nearer than that.   sieve_m:
+    edge of the cells of which the clouds were left one point each, 0 for none.   restored: readings of the IMU that were lost on
+    the way or cut off, None for none.   training: of the IMU's interpolation, which goes on beside the search for planes.
+    portion: of the running stage, which what is reported now is a fraction of.
     """
 
     recording: Recording
@@ -147,6 +148,7 @@ class Run:
     on_event: OnEvent
     should_cancel: ShouldCancel
     farthest_m: float = float("inf")
+    nearest_m: float = 0.0
     sieve_m: float = 0.0
     restored: Restored | None = None
     threads: int = field(default_factory=usual_threads)

@@ -108,7 +108,7 @@ def begin(
         planes=map_planes(followed),
         positions=tuple(m.position for m in followed.motions if covered[m.position]),
         lidar_noise=LidarNoise(
-            BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m, run.farthest_m, run.sieve_m
+            BEGINNING.unknown_range_std_m, BEGINNING.unknown_surface_std_m, run.farthest_m, run.sieve_m, run.nearest_m
         ),
     )
     spacing_s = readings.spacing_s

@@ -128,7 +128,7 @@ def is_same_noise(new: LidarNoise, old: LidarNoise, part: float) -> bool:
     from round to round by as many as no point feels.
     """
     new_std_m, old_std_m = (float(noise.distance_std_m(_SLANTWISE)) for noise in (new, old))
-    limits_differ = (new.farthest_m, new.sieve_m) != (old.farthest_m, old.sieve_m)
+    limits_differ = (new.farthest_m, new.nearest_m, new.sieve_m) != (old.farthest_m, old.nearest_m, old.sieve_m)
     return not limits_differ and abs(new_std_m - old_std_m) <= part * old_std_m
 
 

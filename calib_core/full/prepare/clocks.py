@@ -21,7 +21,7 @@ class FirstLook:
     stamps_ns: (M,) of the first point.   sweep_s: (M,) last point after the first.   points: (M,) how many.
     period_s: usual, between scans.   facing: (2, M) where the lidar looked in the middle of each sweep, as a unit vector in the
     plane of x and y, if it turns once a period from x to y, and if the other way round; shorter than one as the points do not
-    keep to that.   farthest_m: the longest range of a sample's returns.
+    keep to that.   farthest_m, nearest_m: the longest and the shortest range of a sample's returns.
     """
 
     stamps_ns: IntArray
@@ -30,6 +30,7 @@ class FirstLook:
     period_s: float
     facing: ComplexArray
     farthest_m: float
+    nearest_m: float
 
 
 def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
@@ -42,7 +43,7 @@ def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
         for first in range(0, len(scans), SWEEPS.scans_at_once)
     ]
     looks = list(workers().map(lambda places: _look_at([scans[k].points for k in places], period_s), some))
-    sweeps, counts, facing, farthest = zip(*looks, strict=True)
+    sweeps, counts, facing, farthest, nearest = zip(*looks, strict=True)
     return FirstLook(
         stamps,
         np.concatenate(sweeps),
@@ -50,17 +51,19 @@ def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
         period_s,
         np.concatenate(facing, axis=1),
         max(farthest),
+        min(nearest),
     )
 
 
-def _look_at(clouds: Sequence[PointArray], period_s: float) -> tuple[FloatArray, IntArray, ComplexArray, float]:
-    """Of some scans their sweeps, points, facing (2, M) and the longest range."""
+def _look_at(clouds: Sequence[PointArray], period_s: float) -> tuple[FloatArray, IntArray, ComplexArray, float, float]:
+    """Of some scans their sweeps, points, facing (2, M), the longest and the shortest range."""
     counts = np.array([len(points) for points in clouds], dtype=np.int64)
     sweep_s = np.array([int(points["offset_ns"].max()) * 1e-9 if len(points) else 0.0 for points in clouds])
     samples = [points[:: max(1, len(points) // SWEEPS.sampled_points)] for points in clouds]
     every, sizes = np.concatenate(samples), [len(sample) for sample in samples]
-    farthest_m = float(np.fmax.reduce(np.linalg.norm(every["xyz"], axis=1), initial=0.0))
-    return sweep_s, counts, _facing(every, sizes, sweep_s, period_s), farthest_m
+    range_m = np.linalg.norm(every["xyz"], axis=1)
+    farthest_m, nearest_m = float(np.fmax.reduce(range_m, initial=0.0)), float(np.fmin.reduce(range_m, initial=np.inf))
+    return sweep_s, counts, _facing(every, sizes, sweep_s, period_s), farthest_m, nearest_m
 
 
 def _facing(points: PointArray, sizes: Sequence[int], sweep_s: FloatArray, period_s: float) -> ComplexArray:

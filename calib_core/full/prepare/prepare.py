@@ -13,7 +13,7 @@ from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.full.prepare.coarse_stamps import exact_stamps, imu_step, point_step, scan_step
 from calib_core.full.prepare.imu_noise import noise_of
 from calib_core.full.prepare.imu_stamps import as_taken, with_lost
-from calib_core.full.prepare.settings import LENGTH, NOISE
+from calib_core.full.prepare.settings import LENGTH, NOISE, SWEEPS
 from calib_core.full.prepare.sieve import Sieve, in_words, sieve_of
 from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
 from calib_core.full.run import Clocks, ImuNoiseLevel, Run, StampStep
@@ -86,7 +86,8 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     pool.shutdown(wait=False)
     return Run(
         recording, settings, clocks, noise, training, on_event, should_cancel,
-        farthest_m=seen.farthest_m, sieve_m=0.0 if sieve is None else sieve.cell_m,
+        farthest_m=seen.farthest_m, nearest_m=seen.nearest_m if seen.nearest_m < SWEEPS.blind_m else 0.0,
+        sieve_m=0.0 if sieve is None else sieve.cell_m,
         restored=cut if lost is None else lost.after(cut),
     )  # fmt: skip
 

@@ -130,6 +130,9 @@ class Sweeps:
     #: derived: beams that look 3 deg to either side leave the direction of so many points sure to 3 / sqrt(1000) = 0.1 deg,
     #: 30 microseconds of a tenth of a second.
     sampled_points: int = 1000
+    #: data sheets: lidars for rigs are blind to what is nearer than 0.05 to 1 m (Avia, VLP-16). Where all returns are from beyond
+    #: this, nothing was nearer.
+    blind_m: float = 1.1
     #: measured: a minute's scans are looked at in 0.10 s of CPU by so many together, in 0.13 s one by one or by 128. Nothing but
     #: time depends on it.
     scans_at_once: int = 32

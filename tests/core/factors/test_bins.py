@@ -189,7 +189,8 @@ def test_selection_and_weights_point_by_point() -> None:
     """
     scene = _scene(8, noise_m=0.06, n=4000)
     farthest_m = float(np.quantile(np.linalg.norm(scene.xyz, axis=1), 0.8))
-    noise = LidarNoise(0.02, 0.005, farthest_m)
+    nearest_m = float(np.quantile(np.linalg.norm(scene.xyz, axis=1), 0.2))
+    noise = LidarNoise(0.02, 0.005, farthest_m, nearest_m=nearest_m)
     gate = Gate(sigmas=3.0, extra_m=0.01, margin_m=0.3, robust_sigmas=6.0, least_cosine=0.4)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, NORMALS, OFFSETS_M, gate)
     cells = cells_of(hits, NORMALS)
@@ -198,12 +199,15 @@ def test_selection_and_weights_point_by_point() -> None:
     extents = PlaneExtents(NORMALS, inside)
     keep, weight = select(hits, noise, gate, extents)
     without, _ = select(hits, noise, gate, None)
-    edges, ends, grazing = set(), set(), set()
+    edges, ends, begins, grazing = set(), set(), set(), set()
     for i in range(len(keep)):
         std = np.sqrt(0.02**2 * hits.cosine[i] ** 2 + 0.005**2)
         room, clear = 3.0 * std + 0.01 - abs(hits.d[i]), hits.ambiguous_m[i] - 0.225
         short = farthest_m - 3.0 * 0.02 - np.linalg.norm(hits.x_hit[i])
+        long = np.linalg.norm(hits.x_hit[i]) - nearest_m - 3.0 * 0.02
         facing = -hits.cosine[i] - gate.least_cosine
+        begins.add(bool(room > 0 and clear > 0 and facing > 0 and 0 < long < 0.005))
+        short = min(short, long)
         near = room > 0 and clear > 0 and short > 0 and facing > 0
         grazing.add(bool(room > 0 and clear > 0 and short > 0 and facing < 0))
         ends.add(bool(room > 0 and clear > 0 and 0 < short < 0.005))
@@ -215,27 +219,30 @@ def test_selection_and_weights_point_by_point() -> None:
         )
         edges.add(bool(edge < 1.0))
         assert weight[i] == pytest.approx(edge * (1 - u**2) ** 2 / (std**2 + 0.0025**2) if near else 0.0)
-    assert edges == ends == grazing == {False, True}
+    assert edges == ends == begins == grazing == {False, True}
     assert 0 < keep.sum() < without.sum() < len(keep)
 
 
-def test_where_ranges_end_what_is_left_of_the_noise_does_not_count() -> None:
-    """A wall seen at all slants, returns kept to a longest range: those that count lie evenly about it.
+@pytest.mark.parametrize("end", ["farthest_m", "nearest_m"])
+def test_where_ranges_end_what_is_left_of_the_noise_does_not_count(end: str) -> None:
+    """A wall seen at all slants, returns kept to a longest or from a shortest range on: those that count lie evenly about it.
 
-    Oracle: the noise is even. Without the farthest range the mean is 4 sigma off; fails, too, when the range of the noisy
+    Oracle: the noise is even. Without that range the mean is 4 sigma off; fails, too, when the range of the noisy
     point is asked instead of that of where its ray meets the wall.
     """
-    std_m, farthest_m, rng = 0.02, 4.0, np.random.default_rng(4)
+    std_m, rng = 0.02, np.random.default_rng(4)
+    limit_m, way = (4.0, 1.0) if end == "farthest_m" else (2.7, -1.0)
     ends_m = np.stack([np.full(400_000, 2.5), rng.uniform(-4.0, 4.0, 400_000), np.zeros(400_000)], axis=1)
     range_m = np.linalg.norm(ends_m, axis=1)
     xyz = (ends_m * (1.0 + std_m * rng.normal(size=len(range_m)) / range_m)[:, None]).astype(np.float32)
-    xyz = xyz[np.linalg.norm(xyz, axis=1) < farthest_m]
+    xyz = xyz[way * np.linalg.norm(xyz, axis=1) < way * limit_m]
     still = np.zeros((1, 3))
     poses = SlicePoses(np.eye(3)[None], still, still, still, np.ones(1, bool))
     wall, at_m = np.array([[-1.0, 0.0, 0.0]]), np.array([2.5])
     hits = find_hits(xyz, np.zeros(len(xyz)), poses, wall, at_m, Gate())
     off = []
-    for noise in (LidarNoise(std_m, 1e-4, farthest_m), LidarNoise(std_m, 1e-4)):
+    plain = LidarNoise(std_m, 1e-4)
+    for noise in (replace(plain, **{end: limit_m}), plain):
         keep, weight = select(hits, noise, Gate(), None)
         mean_m = float(np.sum(weight[keep] * hits.d[keep]) / np.sum(weight[keep]))
         off.append(abs(mean_m) * np.sqrt(float(np.sum(weight[keep]))))

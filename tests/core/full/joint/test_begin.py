@@ -93,6 +93,7 @@ def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recordi
     )
     farthest_m = max(float(np.linalg.norm(scan.points["xyz"], axis=1).max()) for scan in recording.scans)
     assert farthest_m - 0.1 < state.lidar_noise.farthest_m <= farthest_m
+    assert state.lidar_noise.nearest_m == run.nearest_m
     first = data.reference
     assert (first == 0) == (late_s < 1.0)
     assert first == 0 or clocks.scan_s[first] > clocks.scan_s[0] + 1.5

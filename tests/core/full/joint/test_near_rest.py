@@ -60,6 +60,7 @@ def test_the_same_survey_twice_is_none_that_still_changes() -> None:
     assert not settling.is_same((cells, noise), (more, noise), part)
     assert not settling.is_same((cells, noise), (cells, LidarNoise(0.0199, 0.001)), part)
     assert not settling.is_same((cells, noise), (cells, replace(noise, farthest_m=30.0)), part)
+    assert not settling.is_same((cells, noise), (cells, replace(noise, nearest_m=0.4)), part)
     # At 60 degrees 1e-4 of sqrt(0.01^2 + 0.001^2) m are moved by 10 micrometres of 0.001 m, and by no fewer.
     assert settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001009)), part)
     assert not settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001012)), part)

@@ -37,3 +37,22 @@ def test_the_one_that_is_clipped_more_is_named() -> None:
     assert clipped_text((0.01, 0.02)).startswith("the accelerometer is clipped in 2.00% of its readings")
     assert clipped_text((0.02, 0.01)).startswith("the gyroscope is clipped in 2.00%")
     assert clipped_text((4e-4, 0.0)) == ""
+
+
+@pytest.mark.parametrize(("near_m", "nearest_m"), [(0.5, 0.5), (1.3, 0.0)])
+def test_where_a_lidar_is_blind_is_told_by_its_nearest_return(
+    noisy: tuple[Recording, Truth], near_m: float, nearest_m: float
+) -> None:
+    """Nothing nearer than half a metre: it is blind there, for all that is known. Than 1.3 m: nothing was there. Mutations:
+    never; always."""
+    recording, _ = noisy
+    scans = [
+        replace(scan, points=scan.points[np.linalg.norm(scan.points["xyz"], axis=1) > max(near_m, 1.2)])
+        for scan in recording.scans
+    ]
+    first = scans[0].points.copy()
+    first["xyz"] *= near_m / np.linalg.norm(first["xyz"], axis=1, keepdims=True)
+    run = prepare(
+        replace(recording, scans=[replace(scans[0], points=first), *scans[1:]]), CalibrateSettings(), list, never_cancel
+    )
+    assert run.nearest_m == pytest.approx(nearest_m, abs=1e-3)

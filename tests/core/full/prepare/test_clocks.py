@@ -54,4 +54,5 @@ def test_every_scan_is_looked_at_as_by_itself(count: int) -> None:
     expected = np.array([_facing(scan.points) for scan in recording.scans]).T
     np.testing.assert_allclose(seen.facing, expected, atol=1e-12)
     samples = [points[:: max(1, len(points) // 1000)]["xyz"] for points in (scan.points for scan in recording.scans)]
-    assert seen.farthest_m == pytest.approx(np.linalg.norm(np.concatenate(samples), axis=1).max(), rel=1e-6)
+    ranges_m = np.linalg.norm(np.concatenate(samples), axis=1)
+    assert (seen.nearest_m, seen.farthest_m) == pytest.approx((ranges_m.min(), ranges_m.max()), rel=1e-6)
