@@ -92,9 +92,27 @@ def calibrate(
         text = because_of(refusal, heard.messages)
         said = [*heard.messages, Message(code=refusal.code, level="error", text=text)]
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
+    answer = since_the_start(answer, (recording.scans[0].stamp_ns - whole.scans[0].stamp_ns) * 1e-9)
     said = with_doubts_settled(heard.messages) if not answer.is_weak else heard.messages
     result = document(recording, settings, answer, said, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)
+
+
+def since_the_start(answer: Answer, left_out_s: float) -> Answer:
+    """With times from the recording's start, of which so much was left out."""
+    if not left_out_s:
+        return answer
+    if answer.time_offset_at_s is not None:
+        answer = replace(answer, time_offset_at_s=answer.time_offset_at_s + left_out_s)
+    if answer.evidence is None:
+        return answer
+    parts = answer.evidence.parts
+    blocks = [
+        block.model_copy(update={"t_start_s": block.t_start_s + left_out_s, "t_end_s": block.t_end_s + left_out_s})
+        for block in parts.time_blocks
+    ]
+    evidence = answer.evidence.model_copy(update={"parts": parts.model_copy(update={"time_blocks": blocks})})
+    return replace(answer, evidence=evidence)
 
 
 #: What was warned of and breaks any model of rigid motion, by what it breaks that is plainest; and refusals that say no more than

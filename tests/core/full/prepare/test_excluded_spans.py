@@ -40,6 +40,21 @@ def _spoilt(recording: Recording) -> Recording:
     return replace(recording, scans=scans)
 
 
+def test_times_count_from_the_recordings_start_whatever_is_excluded(noisy: tuple[Recording, Truth]) -> None:
+    """Seen: the offset said to hold 5.4 s after the start where only what came after 11 s was used. Mutations: from the first scan
+    used, of the offset or of the stretches.
+    """
+    recording, _ = noisy
+    stamps_s = np.array([scan.stamp_ns - recording.scans[0].stamp_ns for scan in recording.scans]) * 1e-9
+    result = calibrate(recording, CalibrateSettings(excluded_spans_s=((0.0, 1.0),), crispness=False)).result
+    kept_s = stamps_s[stamps_s > 1.0]
+    assert result.time_offset_at_s == pytest.approx(0.5 * (kept_s[0] + kept_s[-1]), abs=0.06)
+    assert result.evidence is not None
+    blocks = result.evidence.parts.time_blocks
+    assert blocks[0].t_start_s == pytest.approx(kept_s[0], abs=0.2)
+    assert blocks[-1].t_end_s == pytest.approx(kept_s[-1], abs=0.2)
+
+
 def test_what_is_excluded_cannot_matter(noisy: tuple[Recording, Truth]) -> None:
     """Two recordings that differ inside the span only give the same answer, bit for bit, and it is the truth.
 
