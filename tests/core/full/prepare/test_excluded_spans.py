@@ -41,8 +41,8 @@ def _spoilt(recording: Recording) -> Recording:
 
 
 def test_times_count_from_the_recordings_start_whatever_is_excluded(noisy: tuple[Recording, Truth]) -> None:
-    """Seen: the offset said to hold 5.4 s after the start where only what came after 11 s was used. Mutations: from the first scan
-    used, of the offset or of the stretches.
+    """Seen: the offset said to hold 5.4 s after the start where only what came after 11 s was used. Mutations: from the first
+    scan used, of the offset or of the stretches.
     """
     recording, _ = noisy
     stamps_s = np.array([scan.stamp_ns - recording.scans[0].stamp_ns for scan in recording.scans]) * 1e-9
