@@ -23,6 +23,7 @@ from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, p
 from calib_core.readers.imu.messages import ImuCollector, RawImu
 from calib_core.readers.imu.readings import CleanedImu, clean_imu
 from calib_core.readers.one_clock import longest_stretch, order_findings
+from calib_core.readers.rays import where_rays_meet
 from calib_core.readers.reading import sample_clouds
 from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import ScanCounts, make_scan
@@ -109,7 +110,8 @@ def detect(
         )
         state.decoder, twice = once_each(sample, state.decoder, state.timing, settings, state.lidar_topic.name)
         state.decoder, rows = by_rows(sample, state.decoder, state.lidar_topic.name)
-        state.findings.extend((*found, *twice, *rows))
+        rays = where_rays_meet(sample, state.lidar_topic.name)
+        state.findings.extend((*found, *twice, *rows, *rays))
     except InputError as error:
         state.problems.append(error)
 

@@ -22,6 +22,7 @@ from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.one_clock import on_one_clock
+from calib_core.readers.rays import where_rays_meet
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
 from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import StoredScans
@@ -87,6 +88,7 @@ def _load_open(
     )
     decoder, twice = once_each(sample, decoder, timing, settings, lidar_topic.name)
     decoder, rows = by_rows(sample, decoder, lidar_topic.name)
+    rays = where_rays_meet(sample, lidar_topic.name)
     preset = find_lidar_preset(lidar_topic.name, sample[0].frame_id, layout.name)
     model = "" if preset is None else preset.name
     info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
@@ -129,6 +131,7 @@ def _load_open(
             *findings,
             *twice,
             *rows,
+            *rays,
             *reading.findings(lidar_topic.name),
             *cleaned.findings,
             *set_findings,
