@@ -39,10 +39,12 @@ help:
 run: system-run client $(STAMPS)/kernels
 	@$(BIN)/unsweep serve --host $(HOST) --port $(PORT)
 
+# One more than there are cores: a third of the tests wait for servers and for the browser.
+TEST_WORKERS ?= $(shell expr $$(nproc) + 1)
 test: system-test client modules $(STAMPS)/test $(STAMPS)/kernels
 	$(NPM) run test
 	browser=$$($(BIN)/python tools/browser.py) && \
-	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n auto --durations=30
+	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n $(TEST_WORKERS) --durations=30
 
 check: system-run client modules $(STAMPS)/test
 	$(BIN)/ruff check .

@@ -18,7 +18,7 @@ import numpy as np
 from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
-from calib_core.full.assess.late import with_late_blocks
+from calib_core.full.assess.late import still_apart, with_late_blocks
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
@@ -153,16 +153,24 @@ def with_sensors_as_they_are(
 
 def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callable[[Run, Solved], Answer]) -> Answer:
     """The same with the sensors held at their priors, which keeps what would run away with them: let go once all else is known;
-    and where they still run away, held to the end and counted in the error bars."""
+    and where they still run away, held to the end and counted in the error bars.
+
+    Accelerometers that are far apart make them run away: where these show already, they are let go along, if they show then.
+    """
     held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
     without = solved(held)
     unsay = run.attempt()
-    try:
-        return judged(run, estimate_further(run, solved=without, schedule=FULL))
-    except Refused as refused:
-        if not refused.code.startswith("solve."):
-            raise
-    unsay()
+    for begin_from, shows in ((with_late_blocks(run, without, ()), still_apart), (without, None)):
+        if begin_from is None:
+            continue
+        try:
+            freed = estimate_further(run, solved=begin_from, schedule=FULL)
+            if shows is None or shows(freed):
+                return judged(run, freed)
+        except Refused as refused:
+            if not refused.code.startswith("solve."):
+                raise
+        unsay()
     text = (
         "with the sensors' own parameters as unknowns the solve found no answer: the sensors are taken as their data sheets "
         "have them, and what they may be off by is counted in the error bars"

@@ -30,7 +30,7 @@ from calib_core.full.joint.present import problem_of
 from calib_core.full.prepare.nuisance import LATE, QUADRATIC, SIZE_EFFECT, priors_of
 from calib_core.full.run import Run
 from calib_core.intrinsics import Block
-from calib_core.solver.arrow import NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
@@ -81,6 +81,19 @@ def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) ->
     return None if state is solved.state else replace(solved, state=state)
 
 
+def still_apart(solved: Solved) -> bool:
+    """Whether accelerometers that are taken to be apart are so beyond chance, with everything else that was let go along."""
+    place = solved.nuisance.places.get(SIZE_EFFECT)
+    if place is None or solved.minimum.solution is None:
+        return False
+    start = solved.problem.layout(solved.estimate).nuisance().start
+    own = slice(start + place.start, start + place.stop)
+    spread = covariance(solved.minimum.solution.information).matrix[own, own]
+    value, allowed = _BESIDE.T @ solved.estimate.nuisance[place], float(solved.nuisance.prior_std[place.start])
+    told = told_of(value, _BESIDE.T @ spread @ _BESIDE, allowed, APART.told, APART.fewest)
+    return told is not None and told.chance() < APART.chance
+
+
 def _is_wanted(run: Run, block: Block) -> bool:
     wanted = run.settings.intrinsics
     return wanted == "auto" if isinstance(wanted, str) else block in wanted
@@ -112,9 +125,9 @@ def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block
     problem = replace(problem_of(solved.data, tried), bins=replace(solved.problem.bins, nuisance=laid_out))
     try:
         solution = solve_arrow(problem.linearise(tried.estimate))
-    except NotPositiveDefinite:
+        spread = covariance(solution.information).matrix
+    except (ArithmeticError, np.linalg.LinAlgError):
         return {}
-    spread = covariance(solution.information).matrix
     start = problem.layout(tried.estimate).nuisance().start
     told: dict[Block, Told | None] = {}
     for block in asked:

@@ -135,6 +135,8 @@ class AccelerometersApart:
     #: the data rather than by what is allowed, and two leave a place of one of them open: three tell something of each.
     known: float = 0.25
     fewest: int = 3
+    #: derived: the same where they are allowed no more than they turned out to be.
+    told: float = 0.9
     #: derived: chance alone makes as much in one recording of a million.
     chance: float = 1e-6
     #: judged: a chip has them within a millimetre.

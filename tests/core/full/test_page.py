@@ -156,6 +156,10 @@ def asked_of(
     monkeypatch.setattr(page, "beyond_sheets", lambda found: Beyond("incidence", 5.0) if "beyond" in found else None)
     monkeypatch.setattr(page, "without_sheet", allowing)
     monkeypatch.setattr(page, "say_beyond", lambda run, _: run.say("warning", "beyond", "not relied on"))
+    monkeypatch.setattr(
+        page, "with_late_blocks", lambda run, found, _: Found(f"{found} apart") if "wide" in found else None
+    )
+    monkeypatch.setattr(page, "still_apart", lambda found: "still" in found)
     unused: Any = None
     settings = CalibrateSettings(intrinsics=mode)
     run = Run(unused, settings, unused, unused, unused, hear, unused, heard=heard)
@@ -262,6 +266,25 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
     assert told("none") == ("none", "none", ["before", "none, a choice True"])
     assert told("one") == ("end", "end", ["before", "goes on", "end, a choice True"])
     assert told("two") == ("two", "two", ["before", "two, a choice True"])
+
+
+def test_accelerometers_that_are_far_apart_are_let_go_with_the_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They make the sensors run away. Where they show with these held, and still with all let go; else as if they were not asked.
+
+    Mutations: never asked there; believed though nothing shows any more; what is refused with them is the end.
+    """
+    away = Refused("solve.sensors_astray", "too far")
+
+    def of(*outcomes: Refused | str) -> tuple[list[str], list[str], Any]:
+        return asked_of(monkeypatch, "auto", *outcomes)
+
+    asked, _, end = of(away, "held wide", "still")
+    assert (asked, end) == (["auto", "consider", "freed from held wide apart"], ("auto", "still"))
+    for without in ("gone", away):
+        asked, _, end = of(away, "held wide", without, "freed")
+        assert asked == ["auto", "consider", "freed from held wide apart", "freed from held wide"]
+        assert end == ("auto", "freed")
+    assert of(away, "held wide", away, away)[1:] == (["sensor.astray"], ("consider", "held wide"))
 
 
 def test_sensors_that_run_away_are_held_until_all_else_is_known(monkeypatch: pytest.MonkeyPatch) -> None:
