@@ -129,6 +129,29 @@ def test_a_chips_own_size_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     assert late.with_late_blocks(run, solved, ()) is None
 
 
+@pytest.mark.parametrize(("at_mm", "known_mm", "shows"), [(6.0, 1.0, True), (0.5, 1.0, False), (6.0, 40.0, False)])
+def test_what_was_let_go_along_has_to_show_still(at_mm: float, known_mm: float, shows: bool) -> None:
+    """Of six known to a millimetre, or no better than they were allowed. Mutations: whatever they come to; a small size's chance
+    left out."""
+    allowed_m, sides = 8e-3, np.where(np.arange(9) % 2 > 0, 1.0, -1.0)
+    beside = BESIDE @ BESIDE.T @ sides
+    information = np.eye(9) / allowed_m**2 + BESIDE @ BESIDE.T / (1e-3 * known_mm) ** 2
+    solved: Any = SimpleNamespace(
+        nuisance=SimpleNamespace(places={"size_effect": slice(2, 11)}, prior_std=np.full(12, allowed_m)),
+        estimate=SimpleNamespace(nuisance=np.concatenate([np.zeros(2), 1e-3 * at_mm * beside, [0.0]])),
+        problem=SimpleNamespace(layout=lambda _: SimpleNamespace(nuisance=lambda: slice(3, 15))),
+        minimum=SimpleNamespace(
+            solution=SimpleNamespace(
+                information=np.block([[np.eye(5), np.zeros((5, 10))], [np.zeros((10, 5)), np.eye(10)]])
+            )
+        ),
+    )
+    solved.minimum.solution.information[5:14, 5:14] = information
+    assert late.still_apart(solved) is shows
+    solved.nuisance.places = {}
+    assert not late.still_apart(solved)
+
+
 def _calibrated(faults: str, **settings: Any) -> tuple[CalibrationResult, float]:
     """A hand-held recording with these faults, and the square of its error (NEES of the seven)."""
     recording, truth = generate("handheld", seed=4, duration_s=12.0, faults=parse_faults(faults))
