@@ -54,13 +54,12 @@ def where_rays_meet(sample: Sequence[RawCloud], topic: str) -> tuple[Finding, ..
         Finding(
             code="points.other_frame",
             level="warning",
-            text=f"the clouds on {topic} are not in their lidar's own frame: the rays of its lasers meet at ({at}) m of"
+            text=f"The clouds on {topic} are not in their lidar's own frame: the rays of its lasers meet at ({at}) m of"
             f" {sample[0].frame_id or 'theirs'}. The extrinsic is that of the frame that they are in, and what lasers are off by"
-            " is corrected along rays that do not begin there: let the driver publish them in the lidar's own frame",
+            " is corrected along rays that do not begin there: let the driver publish them in the lidar's own frame.",
             evidence=(
                 Evidence("where the rays meet, from the frame's origin", round(away_m, 3), "m"),
                 Evidence("tilt of the rotor's axis", round(tilt_deg, 2), "deg"),
-                Evidence("points off their lasers' cones, of their range", round(left, 5)),
             ),
             consequence="Millimetres, where lasers read long or short.",
         ),
