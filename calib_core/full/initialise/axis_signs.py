@@ -78,7 +78,7 @@ def axis_complaint(
 
     doubted: whether the gyroscope turns gravity the other way round than the accelerometer has it: then less has to be explained.
     """
-    if linear.rms < SIGNS.suspicious_rms:
+    if not SIGNS.suspicious_rms <= linear.rms < np.inf:  # nor of what came to no number
         return ""
     gyro = GyroTurns(imu_s, imu.gyro_rad_s)
     lag_s, rotation = _best_lag(lidar, gyro, start.time_offset_s, handed=1.0)
@@ -96,7 +96,7 @@ def axis_complaint(
         trial = replace(start, time_offset_s=lag_s, R_imu_lidar=rotation)
         sensor = "accelerometer's" if np.prod(signs) < 0 else "gyroscope's or the accelerometer's"
         trials.append((_rms(lidar, imu_s, imu.accel_m_s2 * signs, trial, gravity_m_s2), f"{sensor} {named}"))
-    best, named = min(trials)
+    best, named = min((each for each in trials if np.isfinite(each[0])), default=(np.inf, ""))
     if best > (SIGNS.explains_what_is_doubted if doubted else SIGNS.explains) * linear.rms:
         return ""
     # A lidar whose clouds are mirrored and an accelerometer with all three signs turned round are the same to both motions.

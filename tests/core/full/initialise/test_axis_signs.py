@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
-from calib_core.full.initialise.axis_signs import gravity_complaint
+from calib_core.full.initialise.axis_signs import axis_complaint, gravity_complaint
+from calib_core.full.initialise.start import LinearStart
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Finding, ImuData, Recording
@@ -95,6 +97,14 @@ def test_a_mirrored_cloud_is_thought_of(noisy: tuple[Recording, Truth]) -> None:
     assert len(told) == 1
     assert "accelerometer's x, y and z axes" in told[0]
     assert "or the lidar's if its clouds are mirrored" in told[0]
+
+
+@pytest.mark.parametrize("rms", [np.nan, np.inf])
+def test_of_what_came_to_no_number_nothing_is_said(rms: float) -> None:
+    """Seen: flipped, "its accelerations and turns fit nan times as well". Mutation: no number passes for a large one."""
+    unused: Any = None
+    zero = np.zeros(3)
+    assert axis_complaint(unused, unused, unused, unused, LinearStart(zero, zero, zero, rms), 9.8) == ""
 
 
 def test_less_has_to_be_explained_where_gravity_is_turned_the_other_way_round(noisy: tuple[Recording, Truth]) -> None:
