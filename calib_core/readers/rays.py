@@ -21,6 +21,8 @@ from calib_core.types import Evidence, Finding, FloatArray, IntArray
 
 #: Clouds that are looked at, all over the sample, and points of them all.
 _LOOKED_AT, _OF_ALL = 12, 8000
+#: No lidar sees so far.
+_FARTHEST_M = 2000.0
 #: Lasers that tell a point, and points that tell a laser's cone.
 _LASERS, _POINTS = 4, 30
 _STEPS = 30
@@ -66,6 +68,7 @@ def where_rays_meet(sample: Sequence[RawCloud], topic: str) -> tuple[Finding, ..
     )
 
 
+@np.errstate(invalid="ignore", over="ignore")  # damaged floats are masked, not warned of
 def _points(sample: Sequence[RawCloud]) -> tuple[FloatArray, IntArray]:
     """Of some clouds, some of each laser: (N, 3) and (N,)."""
     xyz, laser, rng = [np.zeros((0, 3))], [np.zeros(0, dtype=np.int64)], np.random.default_rng(0)
@@ -76,10 +79,14 @@ def _points(sample: Sequence[RawCloud]) -> tuple[FloatArray, IntArray]:
         if name is None:
             continue
         at = np.stack([points[axis].astype(np.float64) for axis in "xyz"], axis=1)
-        there = np.flatnonzero(np.isfinite(at).all(axis=1) & (np.abs(at).max(axis=1) > 0.0))
+        number = np.nan_to_num(points[name].astype(np.float64), nan=-1.0, posinf=-1.0, neginf=-1.0)
+        farthest = np.abs(at).max(axis=1)  # of a damaged cloud anything may be there
+        there = np.flatnonzero(
+            np.isfinite(farthest) & (farthest > 0.0) & (farthest < _FARTHEST_M) & (np.abs(number) < 1e6)
+        )
         some = rng.choice(there, min(_OF_ALL // len(looked_at), len(there)), replace=False)
         xyz.append(at[some])
-        laser.append(points[name][some].astype(np.int64))
+        laser.append(number[some].astype(np.int64))
     at, of = np.concatenate(xyz), np.concatenate(laser)
     _, place, count = np.unique(of, return_inverse=True, return_counts=True)
     kept = count[place] >= _POINTS
