@@ -38,6 +38,11 @@ def unclipped(imu: ImuData) -> Restored | None:
             variance[start:end, axis] = beyond**2
             run[start:end] = np.maximum(run[start:end], end - start)
     knocked, range_m_s2 = cut_off(imu.accel_m_s2, LEAST_ACCEL_RANGE_M_S2)
+    for axis, runs in clipped_runs(
+        imu.accel_m_s2, LEAST_ACCEL_RANGE_M_S2
+    ):  # a driver's scales and biases set ends apart
+        for start, end in runs.tolist():
+            knocked[start:end, axis] = True
     knocked[1:-1] |= knocked[:-2] | knocked[2:]
     variance[:, 3:][knocked] = (_KNOCK * range_m_s2) ** 2
     run[knocked.any(axis=1)] = np.maximum(run[knocked.any(axis=1)], 1)

@@ -27,6 +27,7 @@ from calib_core.full.assess.disagreement import Disagreement
 from calib_core.full.assess.settings import APART, BENDING
 from calib_core.full.joint.estimation import Estimation, Solved
 from calib_core.full.joint.present import problem_of
+from calib_core.full.joint.problem import JointProblem
 from calib_core.full.prepare.nuisance import LATE, QUADRATIC, SIZE_EFFECT, priors_of
 from calib_core.full.run import Run
 from calib_core.intrinsics import Block
@@ -111,18 +112,7 @@ def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block
     tried = solved.state
     for block in asked:
         tried = with_late(tried, block, stds[block])
-    laid_out, nuisance = solved.problem.bins.nuisance, tried.nuisance
-    if len(laid_out):
-        before = solved.nuisance
-        laid_out = np.concatenate(
-            [
-                laid_out[before.places[each.block]] if each.block in before.places else np.zeros(len(each.names))
-                for each in nuisance.blocks
-            ]
-        )
-    else:
-        laid_out = np.zeros(nuisance.size)
-    problem = replace(problem_of(solved.data, tried), bins=replace(solved.problem.bins, nuisance=laid_out))
+    problem, nuisance = problem_with_late(solved, tried), tried.nuisance
     try:
         solution = solve_arrow(problem.linearise(tried.estimate))
         spread = covariance(solution.information).matrix
@@ -137,6 +127,18 @@ def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block
         rule = (APART.known, APART.fewest) if block == SIZE_EFFECT else (BENDING.known, BENDING.fewest)
         told[block] = told_of(of.T @ solution.step_shared[own], of.T @ spread[own, own] @ of, stds[block], *rule)
     return told
+
+
+def problem_with_late(solved: Solved, tried: Estimation) -> JointProblem:
+    """The end's own problem with more unknowns: its points as they were gathered, where the sensors' parameters were then."""
+    before, laid_out = solved.nuisance, solved.problem.bins.nuisance
+    at = [
+        laid_out[before.places[each.block]]
+        if len(laid_out) and each.block in before.places
+        else np.zeros(len(each.names))
+        for each in tried.nuisance.blocks
+    ]
+    return replace(problem_of(solved.data, tried), bins=replace(solved.problem.bins, nuisance=np.concatenate(at)))
 
 
 def told_of(value: FloatArray, spread: FloatArray, prior: float, known_to: float, fewest: int) -> Told | None:

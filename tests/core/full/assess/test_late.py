@@ -13,6 +13,8 @@ from scipy.stats import kstest
 from calib_core.calibrate import calibrate
 from calib_core.full.assess import late
 from calib_core.full.assess.late import Told, told_of
+from calib_core.full.joint.estimation import Estimation, Solved
+from calib_core.full.joint.problem import JointProblem
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate, parse_faults
@@ -182,8 +184,22 @@ def test_accelerometers_apart_are_found_and_taken_out() -> None:
     assert np.linalg.norm(result.uncertainty.translation_std_m) == pytest.approx(found[0].prior_std, rel=0.2)
 
 
-def test_accelerometers_in_one_place_stay_there() -> None:
-    """Mutation: what one step tells counts whatever it is, chance and all."""
+def test_accelerometers_in_one_place_stay_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And with all of them at zero the problem that one step is taken in costs what the solve has ended with.
+
+    Mutations: what one step tells counts whatever it is, chance and all; lasers moved from zero once more.
+    """
+    costs: list[tuple[float, float]] = []
+    here = late.problem_with_late
+
+    def problem_with_late(solved: Solved, tried: Estimation) -> JointProblem:
+        problem = here(solved, tried)
+        costs.append((problem.cost(tried.estimate), solved.problem.cost(solved.estimate)))
+        return problem
+
+    monkeypatch.setattr(late, "problem_with_late", problem_with_late)
     result, nees = _calibrated("industrial")
     assert nees < 24.3
     assert not [each for each in result.intrinsics if each.block == "size_effect"]
+    ((tried, ended),) = costs
+    assert tried == pytest.approx(ended, rel=1e-5)

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -69,6 +67,15 @@ def test_a_knock_says_nothing_next_to_it_either() -> None:
     np.testing.assert_array_equal(found.imu.accel_m_s2, np.tile([0.0, 0.0, 9.8], (600, 1)))
 
 
+def test_each_axis_has_an_end_of_its_own() -> None:
+    """As a driver's scales and biases leave them: x ends at 19.7 and at -19.4, y at 20.1. Mutation: the farthest end alone."""
+    accel = np.tile([0.0, 0.0, 9.8], (600, 1))
+    accel[100:103, 0], accel[200:204, 0], accel[300:305, 1] = 19.7, -19.4, 20.1
+    found = unclipped(_imu(np.zeros((600, 3)), accel))
+    assert found is not None
+    np.testing.assert_array_equal(found.index, [*range(99, 104), *range(199, 205), *range(299, 306)])
+
+
 @pytest.mark.parametrize("of", ["whole", "narrow", "a peak"])
 def test_what_was_not_cut_off_is_left(of: str) -> None:
     """Mutations: any extreme is a range's end; below what is sold."""
@@ -83,10 +90,10 @@ def test_what_was_not_cut_off_is_left(of: str) -> None:
 
 def test_cut_off_and_lost_readings_are_both_allowed_for() -> None:
     """A lost one before the cut moves its place. Mutation: places of before."""
-    stamps_ns = np.array([0, 10, 20, 30, 40])
-    lost: Any = Restored(SimpleNamespace(stamps_ns=stamps_ns), np.array([1]), np.full((1, 6), 4.0), np.array([1]))  # type: ignore[arg-type]
-    kept = np.delete(stamps_ns, 1)
-    cut: Any = Restored(SimpleNamespace(stamps_ns=kept), np.array([2]), np.full((1, 6), 9.0), np.array([3]))  # type: ignore[arg-type]
+    whole = _imu(np.zeros((5, 3)), np.zeros((5, 3)))
+    kept = ImuData(np.delete(whole.stamps_ns, 1), np.zeros((4, 3)), np.zeros((4, 3)))
+    lost = Restored(whole, np.array([1]), np.full((1, 6), 4.0), np.array([1]))
+    cut = Restored(kept, np.array([2]), np.full((1, 6), 9.0), np.array([3]))
     both = lost.after(cut)
     assert both.index.tolist() == [1, 3]
     assert both.variance[:, 0].tolist() == [4.0, 9.0]
