@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -53,9 +53,13 @@ class Heard:
         """A copy of the messages."""
         return list(self.messages)
 
-    def unsay(self, count: int) -> None:
-        """Forget all but the first so many: what an attempt that led nowhere has said is not true of the answer."""
-        del self.messages[count:]
+    def unsay(self, before: Sequence[Message]) -> None:
+        """Back to what was said before: what an attempt that led nowhere has said, or retracted, is not true of the answer."""
+        self.messages[:] = before
+
+    def retract(self, codes: Collection[str]) -> None:
+        """Forget what was said under these codes: whoever said it looks again."""
+        self.messages[:] = [message for message in self.messages if message.code not in codes]
 
 
 @dataclass(frozen=True)

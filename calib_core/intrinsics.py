@@ -10,6 +10,11 @@ rate and specific force in that frame:
     q  axis by axis, the accelerometer's second-order scale (x, y, z): how its line bends
     e_k = axis k of  w' x r_k + w x (w x r_k),      r_k (kx, ky, kz)  where the accelerometer of axis k is: the size effect
 
+What it reads has been through a low-pass filter of its own, h. The mean of h is a delay, which the time offset has with it; of
+motion slower than its cutoff its second and third central moments, its spread v and skew u, are all that is left of the rest:
+
+    reading(t) = x(t) + v / 2 x''(t) - u / 6 x'''(t)        one of each for the gyroscope, one for the accelerometer
+
 The IMU's place is the one where, as far as anybody knows, all its accelerometers are; where they turn out to be apart, their
 middle, which is then known no better than they are near one another.
 
@@ -39,6 +44,8 @@ Block = Literal[
     "accelerometer_quadratic",
     "g_sensitivity",
     "size_effect",
+    "low_pass_spread",
+    "low_pass_skew",
     "clock_rate",
     "laser_range_offset",
     "laser_elevation",
@@ -54,6 +61,7 @@ Block = Literal[
 STANDARD_GRAVITY_M_S2 = 9.80665
 AXES = ("x", "y", "z")
 LOWER = ("yx", "zx", "zy")
+TRIADS = ("gyroscope", "accelerometer")
 #: Whose a block is: the IMU's; the clocks'; each laser's; all lasers' together.
 Owner = Literal["imu", "clock", "laser", "lidar"]
 #: What has a data sheet.
@@ -80,6 +88,8 @@ KINDS: dict[Block, Kind] = {
     "accelerometer_quadratic": Kind("imu", "1/(m/s2)", AXES),
     "g_sensitivity": Kind("imu", "rad/s/(m/s2)", tuple(row + column for row in AXES for column in AXES)),
     "size_effect": Kind("imu", "m", tuple(row + column for row in AXES for column in AXES)),
+    "low_pass_spread": Kind("imu", "s2", TRIADS),
+    "low_pass_skew": Kind("imu", "s3", TRIADS),
     "clock_rate": Kind("clock", "ppm", ("rate",)),
     "laser_range_offset": Kind("laser", "m"),
     "laser_elevation": Kind("laser", "rad"),

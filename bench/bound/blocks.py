@@ -37,6 +37,8 @@ _ONCE = {
     "accelerometer_quadratic": 3,
     "g_sensitivity": 9,
     "size_effect": 9,
+    "low_pass_spread": 2,
+    "low_pass_skew": 2,
     "clock_rate": 1,
     "range_offset": 1,
     "incidence": 1,
@@ -44,8 +46,16 @@ _ONCE = {
     "eccentricity": 2,
 }
 _BY_LASER = ("laser_range_offset", "laser_elevation", "laser_azimuth", "laser_range_scale")
-#: Half the step of the difference that gives f'.
-JERK_STEP_S = 1e-4
+#: Between the instants of the differences that are derivatives, and how many steps each is from the middle.
+_STEP_S = 1e-4
+AROUND_S = _STEP_S * np.arange(-2.0, 3.0)
+
+
+def derivatives(around: FloatArray) -> FloatArray:
+    """(4, ..., 3) the value and its first three derivatives, of (5, ..., 3) at AROUND_S from an instant."""
+    stencils = [[0, 0, 1, 0, 0], [0, -0.5, 0, 0.5, 0], [0, 1, -2, 1, 0], [-0.5, 1, 0, -1, 0.5]]
+    per_s = _STEP_S ** -np.arange(4.0)
+    return np.einsum("di,i...->d...", np.asarray(stencils) * per_s[:, None], around)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,20 +76,22 @@ class Blocks:
         """All of them."""
         return sum(_ONCE.values()) + len(_BY_LASER) * self.lasers
 
-    def rate_errors(self, rate_rad_s: FloatArray, force_m_s2: FloatArray) -> FloatArray:
-        """(N, 3, size) of gyroscope readings, by parameter. rate_rad_s, force_m_s2: (N, 3), IMU axes."""
+    def rate_errors(self, rates: FloatArray, forces: FloatArray) -> FloatArray:
+        """(N, 3, size) of gyroscope readings, by parameter. rates, forces: (4, N, 3) turning and specific force in IMU axes, and
+        their derivatives."""
+        rate_rad_s, force_m_s2 = rates[0], forces[0]
         errors = np.zeros((len(rate_rad_s), 3, self.size))
         errors[:, :, self.places["gyroscope_scale"]] = _diagonal(rate_rad_s)
         errors[:, :, self.places["gyroscope_axes"]] = _lower(rate_rad_s)
         errors[:, :, self.places["gyroscope_rotation"]] = -cross_matrix(rate_rad_s)
         errors[:, :, self.places["g_sensitivity"]] = np.einsum("ij,nk->nijk", np.eye(3), force_m_s2).reshape(-1, 3, 9)
+        errors[:, :, self.places["low_pass_spread"].start] = rates[2] / 2.0
+        errors[:, :, self.places["low_pass_skew"].start] = -rates[3] / 6.0
         return errors
 
-    def force_errors(
-        self, force_m_s2: FloatArray, jerk_m_s3: FloatArray, rate_rad_s: FloatArray, slope_rad_s2: FloatArray
-    ) -> FloatArray:
-        """(N, 3, size) of accelerometer readings, by parameter. force_m_s2: (N, 3) and jerk_m_s3: its slope, rate_rad_s and
-        slope_rad_s2: of the turn, IMU axes."""
+    def force_errors(self, rates: FloatArray, forces: FloatArray) -> FloatArray:
+        """(N, 3, size) of accelerometer readings, by parameter. As `rate_errors`."""
+        force_m_s2, jerk_m_s3, rate_rad_s, slope_rad_s2 = forces[0], forces[1], rates[0], rates[1]
         errors = np.zeros((len(force_m_s2), 3, self.size))
         errors[:, :, self.places["accelerometer_scale"]] = _diagonal(force_m_s2)
         errors[:, :, self.places["accelerometer_axes"]] = _lower(force_m_s2)
@@ -88,6 +100,8 @@ class Blocks:
         spin = cross_matrix(rate_rad_s)
         by_place = cross_matrix(slope_rad_s2) + spin @ spin
         errors[:, :, self.places["size_effect"]] = np.einsum("ij,njk->nijk", np.eye(3), by_place).reshape(-1, 3, 9)
+        errors[:, :, self.places["low_pass_spread"].start + 1] = forces[2] / 2.0
+        errors[:, :, self.places["low_pass_skew"].start + 1] = -forces[3] / 6.0
         return errors
 
     def range_errors(self, seen: Returns, normals_lidar: FloatArray, middle_s: float, offset: FloatArray) -> FloatArray:

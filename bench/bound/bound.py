@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from bench.bound.blocks import JERK_STEP_S, Blocks, add_to_steps, imu_frame
+from bench.bound.blocks import AROUND_S, Blocks, add_to_steps, derivatives, imu_frame
 from bench.bound.eliminate import covariance_of_last, solution_of_last, stepped, triangle_of
 from bench.bound.lidar import Faces, Returns, all_returns, faces_of, rows_of
 from bench.bound.model import CALIBRATION, Assumptions, Columns, FloatArray
@@ -160,15 +160,10 @@ def instants(
     drawn = drawn_noise(simulation, truth, middles_s, middles.R_world, h, noise, columns)
     blocks = Blocks(len(simulation.scenario.lidar.pattern.ring))
     if columns.parameters:
-        around = [
-            imu_frame(truth.imu(middles_s + step), truth.gravity_world_m_s2)
-            for step in (0.0, -JERK_STEP_S, JERK_STEP_S)
-        ]
-        jerk = (around[2] - around[1]) / (2.0 * JERK_STEP_S)
-        rate, slope = middles.omega_rad_s, middles.alpha_rad_s2
-        add_to_steps(
-            back, columns, blocks.rate_errors(rate, around[0]), blocks.force_errors(around[0], jerk, rate, slope)
-        )
+        around = [truth.imu(middles_s + step) for step in AROUND_S]
+        rates = derivatives(np.stack([each.omega_rad_s for each in around]))
+        forces = derivatives(np.stack([imu_frame(each, truth.gravity_world_m_s2) for each in around]))
+        add_to_steps(back, columns, blocks.rate_errors(rates, forces), blocks.force_errors(rates, forces))
     scenario = simulation.scenario
     range_std_m = scenario.lidar.range_std_m * assumed.range_noise_factor / np.sqrt(assumed.every)
     pending = iter(sweeps)

@@ -130,6 +130,11 @@ def _remarks(result: CalibrationResult) -> list[str]:
         lines.append(
             f"Of squared accelerations [{decimals(bends)}] 1/(m/s²) are read too much; Kalibr has no key for it."
         )
+    for block, what, unit in (("low_pass_spread", "spread", "s²"), ("low_pass_skew", "skew", "s³")):
+        values = np.array([each.value for each in result.intrinsics if each.block == block])
+        if values.any():
+            of_both = f"gyroscope's and accelerometer's low-pass filters have a {what} of [{decimals(values)}] {unit}"
+            lines.append(f"The {of_both}; Kalibr has no key for it.")
     if any(each.state == "considered" for each in here):
         lines.append(FOUND_BESIDE)
     if result.clock_rate_ppm is not None and result.time_offset_at_s is not None:

@@ -180,21 +180,22 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
 
 
 def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confidence]:
-    """What is known by a solve; gone on with what of the sensors shows only at its end."""
+    """What is known by a solve; gone on with what of the sensors shows only at its end, until nothing more does."""
     unsay = run.attempt()
     trust = weigh(run, solved, is_choice=is_choice)
-    late = with_late_blocks(run, solved, trust.found)
-    if late is None:
-        return solved, trust
-    unsay()
-    try:
-        further = estimate_further(run, late, FULL)
-        return further, weigh(run, further, is_choice=is_choice)
-    except Refused as refused:
-        if not refused.code.startswith("solve."):
-            raise
-    unsay()
-    return solved, weigh(run, solved, is_choice=is_choice)
+    while (late := with_late_blocks(run, solved, trust.found)) is not None:
+        unsay()
+        try:
+            further = estimate_further(run, late, FULL)
+            unsay_further = run.attempt()
+            trust = weigh(run, further, is_choice=is_choice)
+        except Refused as refused:
+            if not refused.code.startswith("solve."):
+                raise
+            unsay()
+            return solved, weigh(run, solved, is_choice=is_choice)
+        solved, unsay = further, unsay_further
+    return solved, trust
 
 
 @dataclass(frozen=True)

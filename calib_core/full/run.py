@@ -189,7 +189,12 @@ class Run:
         heard = self.heard
         if heard is None:
             return lambda: None
-        return partial(heard.unsay, len(heard.messages))
+        return partial(heard.unsay, heard.said_so_far())
+
+    def retract(self, *codes: str) -> None:
+        """Keep out of the document what was said under these codes: it is looked at again."""
+        if self.heard is not None:
+            self.heard.retract(codes)
 
     def keeping(self, code: str) -> Run:
         """The same run, which keeps one kind of sentence to itself: what it says would not be true of how it is used."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from bench.bound.blocks import Blocks, add_to_steps
+from bench.bound.blocks import AROUND_S, Blocks, add_to_steps, derivatives
 from bench.bound.lidar import faces_of, returns_of, rows_of
 from bench.bound.model import Columns
 from bench.bound.motion import steps_back
@@ -39,6 +39,8 @@ def parameters_of(simulation: Simulation) -> np.ndarray:
         "accelerometer_quadratic": imu.accel_quadratic_s2_m,
         "g_sensitivity": imu.g_sensitivity,
         "size_effect": imu.accel_places_m,
+        "low_pass_spread": imu.low_pass_moments[0],
+        "low_pass_skew": imu.low_pass_moments[1],
         "clock_rate": simulation.faults.clock_rate_ppm,
         "range_offset": lidar.range_offset_m,
         "grazing": lidar.grazing_rad,
@@ -93,21 +95,21 @@ def test_ranges_err_as_the_columns_say(faults: str) -> None:
         "g-sensitivity=1e-5",
         "size-effect=1e-4",
         "accel-bend=1e-6",
+        "poles=0.2ms",
     ],
 )
 def test_readings_err_as_the_columns_say(faults: str) -> None:
     """Mutations: the rotation's sign; the delay's; the axes' matrix transposed; that of the forces felt;
-    places by columns; the slope of the turn left out."""
+    places by columns; the slope of the turn left out; the filter's spread doubled."""
     faulty, plain = spoiled(faults), spoiled("")
     t_s = plain.imu_messages.true_ns * 1e-9
     truth = plain.truth
     force = plain.imu_messages.accel_m_s2
-    h = 1e-4
-    jerk = (at(truth, t_s + h) - at(truth, t_s - h)) / (2 * h)
     values = parameters_of(faulty)
-    gyro = BLOCKS.rate_errors(plain.imu_messages.gyro_rad_s, force) @ values
-    turn = truth.imu(t_s)
-    accel = BLOCKS.force_errors(force, jerk, turn.omega_rad_s, turn.alpha_rad_s2) @ values
+    rates = derivatives(np.stack([truth.imu(t_s + step).omega_rad_s for step in AROUND_S]))
+    forces = derivatives(np.stack([at(truth, t_s + step) for step in AROUND_S]))
+    gyro = BLOCKS.rate_errors(rates, forces) @ values
+    accel = BLOCKS.force_errors(rates, forces) @ values
     for made, expected in (
         (faulty.imu_messages.gyro_rad_s - plain.imu_messages.gyro_rad_s, gyro),
         (faulty.imu_messages.accel_m_s2 - force, accel),
@@ -127,8 +129,8 @@ def test_a_scale_moves_as_the_bias_that_it_amounts_to() -> None:
     rate, force = rng.standard_normal((1, 3)), rng.standard_normal((1, 3))
     R = np.linalg.qr(rng.standard_normal((3, 3)))[0][None]
     back = steps_back(R, (R @ force[..., None])[..., 0], 0.01, columns)
-    none = np.zeros((1, 3))
-    add_to_steps(back, columns, BLOCKS.rate_errors(rate, force), BLOCKS.force_errors(force, none, rate, none))
+    rates, forces = (np.concatenate([at[None], np.zeros((3, 1, 3))]) for at in (rate, force))
+    add_to_steps(back, columns, BLOCKS.rate_errors(rates, forces), BLOCKS.force_errors(rates, forces))
     of = {name: columns.extra.start + place.start for name, place in BLOCKS.places.items()}
     np.testing.assert_allclose(
         back[0, :9, of["gyroscope_scale"] + 1], rate[0, 1] * back[0, :9, columns.gyro_bias.start + 1], atol=1e-15

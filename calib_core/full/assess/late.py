@@ -13,6 +13,9 @@ wall like this: the square counts as many times less as they disagree more than 
 
 An accelerometer's line bends, q a^2, by what its sheet has as nonlinearity. Unknown from the start, that takes slow tones upon
 itself while the motion is rough; it is told in the same way, by the same step, with what its sheet allows for p.
+
+So is what an IMU's own low-pass filter does beside delaying: the spread and the skew of its answer to a jolt, which matter where
+the motion is not slow against the cutoff.
 """
 
 from __future__ import annotations
@@ -24,11 +27,13 @@ import numpy as np
 import scipy
 
 from calib_core.full.assess.disagreement import Disagreement
-from calib_core.full.assess.settings import APART, BENDING
+from calib_core.full.assess.settings import APART, BENDING, FILTERED, AccelerometersApart, Bending, Filtered
 from calib_core.full.joint.estimation import Estimation, Solved
 from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.prepare.nuisance import LATE, QUADRATIC, SIZE_EFFECT, priors_of
+from calib_core.full.joint.tones import bare
+from calib_core.full.joint.walks import with_usual_walks
+from calib_core.full.prepare.nuisance import LATE, LOW_PASS, QUADRATIC, SIZE_EFFECT, SPREAD, priors_of
 from calib_core.full.run import Run
 from calib_core.intrinsics import Block
 from calib_core.solver.arrow import solve_arrow
@@ -37,6 +42,11 @@ from calib_core.types import FloatArray
 
 #: (9, 6) what three places are beside their middle.
 _BESIDE = np.linalg.svd(np.eye(9) - np.kron(np.full((3, 3), 1.0 / 3.0), np.eye(3)))[0][:, :6]
+_RULES: dict[Block, AccelerometersApart | Bending | Filtered] = {
+    SIZE_EFFECT: APART,
+    QUADRATIC: BENDING,
+    **dict.fromkeys(LOW_PASS, FILTERED),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,16 +80,30 @@ def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) ->
     asked = [block for block in LATE if _is_wanted(run, block) and block not in solved.nuisance.places]
     if not asked:
         return None
-    bend = _bend_s2_m(run)
-    told = late_told(solved, {SIZE_EFFECT: APART.tried_m, QUADRATIC: bend}, asked)
+    tried: dict[Block, float] = {
+        SIZE_EFFECT: APART.tried_m,
+        QUADRATIC: _bend_s2_m(run),
+        **dict(zip(LOW_PASS, (FILTERED.spread_s2, FILTERED.skew_s3), strict=True)),
+    }
+    told = late_told(solved, tried, asked)
     wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
     state = solved.state
-    places, bends = told.get(SIZE_EFFECT), told.get(QUADRATIC)
-    if places is not None and places.chance(wider) < APART.chance and places.size_m > APART.least_m:
-        state = with_late(state, SIZE_EFFECT, places.size_m)
-    if bends is not None and bends.chance(wider) < BENDING.chance:
-        state = with_late(state, QUADRATIC, bend)
-    return None if state is solved.state else replace(solved, state=state)
+    for block, of in told.items():
+        if of is None or of.chance(wider) >= _RULES[block].chance:
+            continue
+        if block != SIZE_EFFECT:
+            state = with_late(state, block, tried[block])
+        elif of.size_m > APART.least_m:
+            state = with_late(state, block, of.size_m)
+    return None if state is solved.state else replace(solved, state=_listening_anew(run, state))
+
+
+def _listening_anew(run: Run, state: Estimation) -> Estimation:
+    """Without what the biases and a calm IMU's readings were thought to do, which the new unknown may have done."""
+    state = with_usual_walks(run, state)
+    if run.noise.shaken:
+        return state
+    return replace(bare(state) if state.nuisance.tones_hz else state, untuned=False)
 
 
 def still_apart(solved: Solved) -> bool:
@@ -124,8 +148,11 @@ def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block
         place = nuisance.places[block]
         own = slice(start + place.start, start + place.stop)
         of = _BESIDE if block == SIZE_EFFECT else np.eye(place.stop - place.start)
-        rule = (APART.known, APART.fewest) if block == SIZE_EFFECT else (BENDING.known, BENDING.fewest)
-        told[block] = told_of(of.T @ solution.step_shared[own], of.T @ spread[own, own] @ of, stds[block], *rule)
+        value, rule = of.T @ solution.step_shared[own], _RULES[block]
+        if block == SPREAD and value.sum() < 0.0:  # a filter that averages smears; none that sharpens is known
+            told[block] = None
+            continue
+        told[block] = told_of(value, of.T @ spread[own, own] @ of, stds[block], rule.known, rule.fewest)
     return told
 
 

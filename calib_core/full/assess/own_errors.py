@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.factors.laser_features import LaserErrors
-from calib_core.imu.intrinsics import ImuIntrinsics, felt_beside
+from calib_core.imu.intrinsics import ImuIntrinsics, felt_beside, unsmeared
 from calib_core.intrinsics import KINDS, NAMES, Block
 from calib_core.result import CalibrationResult
 from calib_core.types import FloatArray, ImuData, Recording, Scan
@@ -75,6 +75,10 @@ def ideal_lasers(result: CalibrationResult) -> Lasers | None:
     return replace(lasers, errors=errors)
 
 
+#: Readings are this close together where derivatives of them are asked for, as in the solve.
+_EVERY_S = 0.01
+
+
 def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
     """The IMU's readings as an ideal one's, biases left in, and its stamps at one offset from the lidar's clock all through."""
     imu, found = recording.imu, estimated(result)
@@ -101,6 +105,8 @@ def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
         accel_quadratic=values("accelerometer_quadratic"),
         g_sensitivity=values("g_sensitivity"),
         size_effect=values("size_effect"),
+        low_pass_spread=values("low_pass_spread"),
+        low_pass_skew=values("low_pass_skew"),
     )
     at_s = (imu.stamps_ns - imu.stamps_ns[0]) * 1e-9
     # Late by the delay: what happened at an instant is read so much after it.
@@ -112,4 +118,17 @@ def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
         rate = (imu.gyro_rad_s - accel @ F.T) @ G.T
         accel = accel - felt_beside(rate, np.gradient(rate, at_s, axis=0)) @ own.size_effect
     gyro = (imu.gyro_rad_s - accel @ F.T) @ G.T
+    gyro, accel = (
+        _sharp(at_s, *each) for each in zip((gyro, accel), own.low_pass_spread, own.low_pass_skew, strict=True)
+    )
     return replace(imu, stamps_ns=stamps_ns, gyro_rad_s=gyro, accel_m_s2=accel)
+
+
+def _sharp(at_s: FloatArray, readings: FloatArray, spread_s2: float, skew_s3: float) -> FloatArray:
+    """Readings (N, 3) at instants (N,) as they were before a filter of this spread and skew."""
+    if not (spread_s2 or skew_s3):
+        return readings
+    every_s = np.arange(at_s[0], at_s[-1] + _EVERY_S, _EVERY_S)
+    evenly = np.stack([np.interp(every_s, at_s, axis) for axis in readings.T], axis=1)
+    more = unsmeared(evenly, _EVERY_S, spread_s2, skew_s3)
+    return readings + np.stack([np.interp(at_s, every_s, axis) for axis in more.T], axis=1)

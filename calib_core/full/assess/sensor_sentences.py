@@ -10,6 +10,8 @@ from calib_core.intrinsics import STANDARD_GRAVITY_M_S2, UNITS
 from calib_core.result import Intrinsic
 from calib_core.sigmas import two_digits
 
+#: As fast as a hand moves a rig.
+_HAND_RAD_S = 2.0 * np.pi * 2.0
 #: Parameters by block, and what is said of some of them: these, code and text.
 _ByBlock = Mapping[str, Sequence[Intrinsic]]
 _Said = Iterator[tuple[Sequence[Intrinsic], str, str]]
@@ -57,6 +59,17 @@ def _of_both_triads(by: _ByBlock, taken: str) -> _Said:
     if felt := by["g_sensitivity"]:
         most = np.degrees(max(abs(p.value) for p in felt)) * STANDARD_GRAVITY_M_S2
         yield felt, "sensor.g_sensitivity", f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
+    if smeared := by["low_pass_spread"]:
+        worst = max(smeared, key=lambda p: abs(p.value))
+        share = 0.5 * abs(worst.value) * _HAND_RAD_S**2
+        how = "little" if worst.value > 0 else "much"
+        text = f"behind the IMU's own low-pass filter the {worst.name} reads {share:.2%} too {how} of motion of 2 Hz; {taken}"
+        yield smeared, "sensor.low_pass", text
+    if skew := by["low_pass_skew"]:
+        worst = max(skew, key=lambda p: abs(p.value))
+        ms, how = 1e3 * worst.value * _HAND_RAD_S**2 / 6.0, "early" if worst.value > 0 else "late"
+        text = f"behind the IMU's own low-pass filter the {worst.name} reads motion of 2 Hz {two_digits(abs(ms))} ms too {how}"
+        yield skew, "sensor.low_pass_skew", f"{text} beside slow motion; {taken}"
     if rate := by["clock_rate"]:
         how = "gains" if rate[0].value > 0 else "loses"
         text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"

@@ -158,5 +158,21 @@ class Bending:
     chance: float = 1e-3
 
 
+@dataclass(frozen=True, slots=True)
+class Filtered:
+    """When an IMU's low-pass filter is taken to do more than delay."""
+
+    #: derived: allowed while they are asked for: two poles of 7 ms, behind which half of the amplitude is gone at 15 Hz, have a
+    #: spread of 1e-4; one pole at 20 Hz has a skew of 1e-6.
+    spread_s2: float = 1e-4
+    skew_s3: float = 4e-6
+    #: derived: as with accelerometers apart: by the data rather than by what is allowed. Slow motion tells nothing of it.
+    known: float = 0.25
+    fewest: int = 1
+    #: derived: every IMU has some of both, so that one recording in a thousand in which chance makes as much is none the worse.
+    chance: float = 1e-3
+
+
 PLAUSIBLE, WORDING, PARTS, GIVEN = Plausible(), Wording(), Parts(), Given()
 CLOCK_STEP, SILENCE, APART, BENDING = ClockSteps(), Silence(), AccelerometersApart(), Bending()
+FILTERED = Filtered()

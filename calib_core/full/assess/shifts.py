@@ -31,6 +31,8 @@ _CALLED: dict[Block, str] = {
     "accelerometer_quadratic": "how the accelerometer's lines bend",
     "g_sensitivity": "what the gyroscope feels of forces",
     "size_effect": "where the accelerometers sit",
+    "low_pass_spread": "how the IMU's filter smears motion",
+    "low_pass_skew": "how lopsided the IMU's filter smears motion",
     "clock_rate": "the clocks' rate",
     "laser_range_offset": "range offsets of lasers",
     "laser_elevation": "elevations of lasers",

@@ -50,6 +50,8 @@ def imu_intrinsics(nuisance: Nuisance, values: FloatArray) -> ImuIntrinsics:
         accel_quadratic=nuisance.values(values, "accelerometer_quadratic"),
         g_sensitivity=nuisance.values(values, "g_sensitivity"),
         size_effect=nuisance.values(values, "size_effect"),
+        low_pass_spread=nuisance.values(values, "low_pass_spread"),
+        low_pass_skew=nuisance.values(values, "low_pass_skew"),
     )
 
 

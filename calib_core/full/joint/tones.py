@@ -314,7 +314,8 @@ def peaks_hz(of: Periodogram, power: FloatArray, rules: Tones) -> list[float]:
 
 
 def say_tones(data: JointData, state: Estimation) -> None:
-    """What shook the IMU unseen, for a person, tone by tone; or that it was no tone."""
+    """What shook the IMU unseen, for a person, tone by tone; or that it was no tone. Instead of what an earlier end had."""
+    data.run.retract("motion.unseen", "imu.tone")
     if state.untuned:
         data.run.say(
             "warning",

@@ -19,6 +19,7 @@ import scipy
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.present import layout_of
 from calib_core.full.joint.settings import WANDERING
+from calib_core.full.run import Run
 from calib_core.presets import random_walks
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
@@ -45,6 +46,12 @@ def with_walks_told(data: JointData, state: Estimation) -> Estimation:
     return replace(state, priors=priors)
 
 
+def with_usual_walks(run: Run, state: Estimation) -> Estimation:
+    """With walks as such sensors have them: something is unknown now that may have made the biases wander."""
+    gyro, accel = random_walks(run.settings.imu_noise)
+    return replace(state, priors=replace(state.priors, gyro_walk=gyro, accel_walk=accel))
+
+
 def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray) -> float:
     """k; 1 where the steps are within chance. values: (N, 3) at the nodes.   spread: (3 N, 3 N) covariance, node by node.
     step_std: (N - 1,) what the walk makes of a step.
@@ -68,7 +75,8 @@ def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray) -
 
 
 def say_walks(data: JointData, state: Estimation) -> None:
-    """That biases wander faster than they are said to, for a person."""
+    """That biases wander faster than they are said to, for a person. Instead of what an earlier end had."""
+    data.run.retract("imu.bias_walk")
     gyro, accel = random_walks(data.run.settings.imu_noise)
     for kind, was, now in (
         ("gyroscope", gyro, state.priors.gyro_walk),

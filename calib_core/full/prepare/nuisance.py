@@ -41,10 +41,13 @@ TONE: Literal["tone"] = "tone"
 #: Of the room, too: by how much each plane's material lengthens ranges, beside what all do. Admitted with the sensors.
 MATERIAL: Literal["material"] = "material"
 AnyBlock = Block | Literal["surface", "tone", "material"]
-#: Of the IMU, but no unknowns before they show (assess/late.py): where its accelerometers are, and how their lines bend.
+#: Of the IMU, but no unknowns before they show (assess/late.py): where its accelerometers are, how their lines bend, and what its
+#: low-pass filter does beside delaying.
 SIZE_EFFECT: Literal["size_effect"] = "size_effect"
 QUADRATIC: Literal["accelerometer_quadratic"] = "accelerometer_quadratic"
-LATE: tuple[Literal["size_effect", "accelerometer_quadratic"], ...] = (SIZE_EFFECT, QUADRATIC)
+SPREAD: Literal["low_pass_spread"] = "low_pass_spread"
+LOW_PASS: tuple[Literal["low_pass_spread", "low_pass_skew"], ...] = (SPREAD, "low_pass_skew")
+LATE: tuple[Block, ...] = (SIZE_EFFECT, QUADRATIC, *LOW_PASS)
 _OF_NO_SENSOR = (MATERIAL, TONE, SURFACE)
 _TONE_NAMES = (
     *(
@@ -302,9 +305,11 @@ def choose_nuisance(
         "accelerometer_scale": imu.accelerometer_scale_std,
         "accelerometer_axes": imu.accelerometer_axes_std_rad,
         "accelerometer_delay": imu.accelerometer_delay_std_s,
-        "accelerometer_quadratic": 0.0,  # these two are admitted where they show (assess/late.py)
+        "accelerometer_quadratic": 0.0,  # what is 0 here is admitted where it shows (assess/late.py)
         "g_sensitivity": imu.g_sensitivity_std_rad_s_m_s2,
         "size_effect": 0.0,
+        "low_pass_spread": 0.0,
+        "low_pass_skew": 0.0,
         "clock_rate": clock_rate_std_ppm,
         "laser_range_offset": lidar.laser_range_offset_std_m,
         "laser_elevation": lidar.laser_elevation_std_rad,

@@ -32,6 +32,8 @@ _USUAL = {
     # Boards with a part for each axis.
     "size-effect": 0.005,
     "low-pass": 40.0,
+    # Half the amplitude is gone at 32 Hz, as boards' own filters are often set.
+    "poles": 0.005,
     "stamp-latency": 0.0005,
     # The latency timer of the usual USB serial adapter.
     "stamp-bundles": 0.016,
@@ -213,6 +215,8 @@ def _imu(found: ImuDeviations, fault: Fault, draws: Draws) -> ImuDeviations:
             found = replace(found, accel_places_m=tuple(places_m.tolist()))
         case "low-pass":
             found = replace(found, low_pass_hz=_usual(fault))
+        case "poles":
+            found = replace(found, pole_s=_usual(fault))
     return found
 
 

@@ -5,7 +5,8 @@
 
 with w, f the true angular rate and specific force in the axes that the accelerometer defines, and e what axis k feels of turns
 for sitting at r_k instead of the IMU's place: axis k of w' x r_k + w x (w x r_k); q bends the axes' lines. A low-pass filter
-(second order, Butterworth) acts on all of them before; the stamps allow for its delay, so that slow motion is in time.
+(second order, Butterworth) or two equal poles act on all of them before; the stamps allow for their delay, so that slow motion is
+in time.
 """
 
 from __future__ import annotations
@@ -32,7 +33,8 @@ _SLOPE_S = 5e-7
 @dataclass(frozen=True, slots=True)
 class ImuDeviations:
     """What sets one IMU apart from an ideal one; see the module. *_axes_rad: yx, zx, zy.   g_sensitivity: A by rows
-    [rad/s/(m/s2)].   accel_quadratic_s2_m: q.   accel_places_m: r_x, r_y, r_z.   low_pass_hz: 0 for none."""
+    [rad/s/(m/s2)].   accel_quadratic_s2_m: q.   accel_places_m: r_x, r_y, r_z.   low_pass_hz, pole_s:
+    0 for none."""
 
     gyro_scale: Vector = _ZERO
     gyro_axes_rad: Vector = _ZERO
@@ -44,6 +46,7 @@ class ImuDeviations:
     accel_quadratic_s2_m: Vector = _ZERO
     accel_places_m: tuple[float, ...] = (0.0,) * 9
     low_pass_hz: float = 0.0
+    pole_s: float = 0.0
 
     def readings(self, exact: Readings, t_s: FloatArray) -> tuple[FloatArray, FloatArray]:
         """What this IMU reads, without noise and bias, where an ideal one would read `exact`. t_s: (N,) [s]."""
@@ -51,6 +54,7 @@ class ImuDeviations:
             return exact(t_s)
         felt = apart(exact, np.reshape(self.accel_places_m, (3, 3))) if any(self.accel_places_m) else exact
         seen = filtered(felt, self.low_pass_hz) if self.low_pass_hz else felt
+        seen = lagging(seen, self.pole_s) if self.pole_s else seen
         rate, force = seen(t_s)
         late = seen(t_s - self.accel_delay_s)[1] if self.accel_delay_s else force
         turned = Rotation.from_rotvec(self.gyro_rotation_rad).as_matrix()
@@ -58,6 +62,15 @@ class ImuDeviations:
         gyro = rate @ gyro_matrix.T + force @ np.reshape(self.g_sensitivity, (3, 3)).T
         bent = late + np.asarray(self.accel_quadratic_s2_m) * late**2
         return gyro, bent @ mixing(self.accel_scale, self.accel_axes_rad).T
+
+    @property
+    def low_pass_moments(self) -> tuple[float, float]:
+        """Second [s2] and third [s3] central moment of what the filters make of a jolt; those of one after the other add up.
+
+        H(s) = 1 / (1 + sqrt(2) s / w + (s / w)^2) has none and -2 sqrt(2) / w^3, 1 / (1 + T s)^2 has 2 T^2 and 4 T^3.
+        """
+        skew_s3 = -2.0 * np.sqrt(2.0) / (2.0 * np.pi * self.low_pass_hz) ** 3 if self.low_pass_hz else 0.0
+        return 2.0 * self.pole_s**2, float(skew_s3 + 4.0 * self.pole_s**3)
 
 
 IDEAL_IMU = ImuDeviations()
@@ -91,9 +104,20 @@ def filtered(exact: Readings, cutoff_hz: float) -> Readings:
     Its answer to a jolt is w / sin(q) exp(-cos(q) w u) sin(sin(q) w u), q = 45 deg, at time u after it.
     """
     rate = 2.0 * np.pi * cutoff_hz * np.sqrt(0.5)
+    return _through(exact, rate, lambda v: np.exp(-v) * np.sin(v))
+
+
+def lagging(exact: Readings, pole_s: float) -> Readings:
+    """The readings behind two equal poles, u / T^2 exp(-u / T) at time u after a jolt, stamped earlier by their delay."""
+    return _through(exact, 1.0 / pole_s, lambda v: v * np.exp(-v))
+
+
+def _through(exact: Readings, rate: float, answer: Callable[[FloatArray], FloatArray]) -> Readings:
+    """The readings behind a filter, stamped earlier by its delay. answer: to a jolt, of time in units of 1 / rate [s]."""
     nodes, weights = leggauss(_FILTER_POINTS)
-    u = 0.5 * (nodes + 1.0) * _FILTER_LASTS / rate
-    weights = weights * np.exp(-rate * u) * np.sin(rate * u)
+    v = 0.5 * (nodes + 1.0) * _FILTER_LASTS
+    u = v / rate
+    weights = weights * answer(v)
     weights /= weights.sum()
     delay = float(weights @ u)
 

@@ -53,6 +53,11 @@ def _of_imu(imu: ImuDeviations) -> Iterator[Parameter]:
     yield from _block("size_effect", imu.accel_places_m)
     if imu.low_pass_hz:
         yield "low_pass", "cutoff", "Hz", imu.low_pass_hz
+    if imu.pole_s:
+        yield "poles", "all", "s", imu.pole_s
+    spread_s2, skew_s3 = imu.low_pass_moments
+    yield from _block("low_pass_spread", (spread_s2, spread_s2))
+    yield from _block("low_pass_skew", (skew_s3, skew_s3))
 
 
 def _of_lidar(lidar: LidarDeviations, rings: Sequence[int]) -> Iterator[Parameter]:

@@ -55,6 +55,9 @@ FAULTS: dict[str, Kind] = {
     "accel-bend": Kind("s2/m", "the accelerometer's lines bend: so much of an axis' squared reading is read too much"),
     "size-effect": Kind("m", "the accelerometer of each axis sits beside the IMU's place"),
     "low-pass": Kind("Hz", "gyroscope and accelerometer are filtered at this frequency, which the stamps allow for"),
+    "poles": Kind(
+        "s", "gyroscope and accelerometer are smeared by two poles of this, whose delay the stamps allow for"
+    ),
     "clock-rate": Kind("ppm", "the lidar's clock runs faster than the IMU's"),
     "stamp-latency": Kind("s", "the IMU is stamped by the host, late by this in the mean, at times by much more"),
     "stamp-bundles": Kind("s", "the IMU's driver empties a buffer so often and stamps all that waited in it then"),

@@ -258,14 +258,31 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
     monkeypatch.setattr(page, "with_late_blocks", apart)
 
     def told(solved: Any) -> tuple[str, str, list[str]]:
-        heard.unsay(1)
+        heard.unsay(before)
         end, trust = page.weighed(run, solved, is_choice=True)
         return str(end), str(trust.of), [message.text for message in heard.messages]
 
-    ends = {"one apart": "end", "two apart": "astray"}
+    before = heard.said_so_far()
+    ends = {"one apart": "end", "two apart": "astray", "more apart": "one"}
     assert told("none") == ("none", "none", ["before", "none, a choice True"])
     assert told("one") == ("end", "end", ["before", "goes on", "end, a choice True"])
     assert told("two") == ("two", "two", ["before", "two, a choice True"])
+    assert told("more") == ("end", "end", ["before", "goes on", "end, a choice True"])
+
+
+def test_what_an_attempt_retracts_is_said_again_where_it_led_nowhere() -> None:
+    """Mutations: nothing retracted; all of it; what was retracted stays so."""
+    heard = Heard(lambda _: None, ())
+    unused: Any = None
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, heard=heard)
+    run.say("info", "one", "first")
+    run.say("info", "two", "second")
+    unsay = run.attempt()
+    run.retract("one", "three")
+    run.say("info", "one", "another")
+    assert [message.text for message in heard.messages] == ["second", "another"]
+    unsay()
+    assert [message.text for message in heard.messages] == ["first", "second"]
 
 
 def test_accelerometers_that_are_far_apart_are_let_go_with_the_sensors(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.gp.regression import Hyper
-from calib_core.imu.intrinsics import COLUMNS, ImuIntrinsics, bias_equivalents, corrected
+from calib_core.imu.intrinsics import COLUMNS, ImuIntrinsics, bends, bias_equivalents, corrected
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, asked_later, preintegrate, upsample
 from calib_core.types import FloatArray
 
@@ -28,6 +28,9 @@ WRONG = ImuIntrinsics(
     g_sensitivity=np.array([2e-3, -1e-3, 5e-4, -1.5e-3, 1e-3, 2.5e-3, -5e-4, 3e-3, -2e-3]),
     size_effect=np.array([0.03, -0.02, 0.01, 0.015, 0.02, -0.025, -0.01, 0.02, 0.03]),
 )
+#: Two poles of this make of exp(i w t) 1 / (1 + i w T)^2 of it, and delay slow motion by 2 T: 5 ms, half is gone at 32 Hz.
+POLE_S = 0.005
+SPREAD_S2, SKEW_S3 = 2.0 * POLE_S**2, 4.0 * POLE_S**3
 
 
 def _vector(values: FloatArray) -> ImuIntrinsics:
@@ -40,7 +43,9 @@ def _vector(values: FloatArray) -> ImuIntrinsics:
         float(values[15]),
         values[16:19],
         values[19:28],
-        values[28:],
+        values[28:37],
+        values[37:39],
+        values[39:],
     )
 
 
@@ -102,7 +107,7 @@ def test_a_line_that_bends_is_straightened() -> None:
     np.testing.assert_allclose(back.gyro, true.gyro)
 
 
-@pytest.mark.parametrize("column", [k for k in range(COLUMNS) if k != 15])
+@pytest.mark.parametrize("column", [k for k in range(37) if k != 15])
 def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
     """Finite differences of integrated links. Mutations: a column's sign, yx for zx, scale applied before the rotation."""
     readings = _readings(1)
@@ -116,7 +121,7 @@ def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
             [0.0],
             np.zeros(3),
             1e-2 * WRONG.g_sensitivity,
-            np.zeros(9),  # the other columns leave out what they change of it
+            np.zeros(9 + 4),  # the other columns leave out what they change of it
         ]
     )
     about = corrected(readings, _vector(at))
@@ -148,3 +153,77 @@ def test_a_late_accelerometer_is_asked_later() -> None:
     true = np.stack([np.sin(2 * np.pi * 2.0 * knots_s + phase) for phase in (0.0, 1.0, 2.0)], axis=1)
     np.testing.assert_allclose(read.knot_accel, true, atol=2e-4)
     assert read.accel_delay_s == delay_s
+
+
+def _waves(links: int, hz: float, pole_s: float) -> UpsampledImu:
+    """A gyroscope and an accelerometer that swing, behind two poles whose delay is allowed for; 0 for none."""
+    knots_s = H_S * np.arange(links + 1)
+    at_s = knots_s[:-1, None] + H_S * GAUSS
+    w, phase = 2.0 * np.pi * hz, np.array([0.0, 1.0, 2.0])
+    answer = np.exp(2j * w * pole_s) / (1.0 + 1j * w * pole_s) ** 2
+
+    def seen(t_s: FloatArray) -> FloatArray:
+        return np.asarray((answer * np.exp(1j * (w * t_s[..., None] + phase))).imag)
+
+    return UpsampledImu(
+        knots_s, H_S, seen(at_s), 3.0 * seen(at_s), seen(knots_s), 3.0 * seen(knots_s), np.zeros((links, 6)),
+        np.ones(links, bool),
+    )  # fmt: skip
+
+
+def _filtered_by(spread_s2: FloatArray, skew_s3: FloatArray) -> ImuIntrinsics:
+    return replace(_vector(np.zeros(COLUMNS)), low_pass_spread=spread_s2, low_pass_skew=skew_s3)
+
+
+@pytest.mark.parametrize("hz", [1.0, 3.0])
+def test_what_a_filter_smears_is_sharp_again(hz: float) -> None:
+    """Against its closed form. What is left is of the filter's fourth moment, (w T)^4 of a reading, and what a quartic through 70
+    ms misses of a third derivative.
+
+    Mutations: the spread's sign; the skew's; third derivatives of a cubic's sixth; the accelerometer's spread the gyroscope's.
+    """
+    links, wt = 80, 2.0 * np.pi * hz * POLE_S
+    smeared, sharp = _waves(links, hz, POLE_S), _waves(links, hz, 0.0)
+    both = np.ones(2)
+    found = corrected(smeared, _filtered_by(SPREAD_S2 * both, SKEW_S3 * both))
+    inner = slice(5, links - 5)  # the ends of a recording have no neighbours
+    for own, true in ((found.gyro, sharp.gyro), (found.accel / 3.0, sharp.accel / 3.0)):
+        assert np.abs(own[inner] - true[inner]).max() < 3.0 * wt**4 + 0.02 * wt**3
+    for knot, true in ((found.knot_gyro, sharp.knot_gyro), (found.knot_accel / 3.0, sharp.knot_accel / 3.0)):
+        assert np.abs(knot[inner] - true[inner]).max() < 3.0 * wt**4 + 0.02 * wt**3
+    assert np.abs(smeared.gyro[inner] - sharp.gyro[inner]).max() > 0.9 * wt**2
+    only = corrected(smeared, _filtered_by(np.array([SPREAD_S2, 0.0]), np.zeros(2)))
+    np.testing.assert_array_equal(only.accel, smeared.accel)
+    assert np.abs(only.gyro - smeared.gyro).max() > 0.5 * wt**2
+
+
+@pytest.mark.parametrize("column", [37, 38, 39, 40])
+def test_a_changed_filter_is_a_bias_to_a_link(column: int) -> None:
+    """What the mean of a link's corrected readings changes by, differenced. Mutations: the skew's sign; the spread not halved."""
+    readings = _waves(40, 2.0, 0.0)
+    step = 1e-6 if column < 39 else 1e-8
+    values = np.zeros(COLUMNS)
+    values[column] = step
+    changed = corrected(readings, _vector(values))
+    gyro, accel = bias_equivalents(readings, _vector(np.zeros(COLUMNS)))
+    for made, own, said in ((changed.gyro, readings.gyro, gyro), (changed.accel, readings.accel, accel)):
+        np.testing.assert_allclose((made - own).mean(axis=1), -step * said[:, :, column], atol=1e-12)
+    assert max(np.abs(each[:, :, column]).max() for each in (gyro, accel)) > 10.0
+
+
+def test_a_filter_that_feels_forces_is_a_bias_of_both() -> None:
+    """What the accelerometer's filter leaves is a bias of the gyroscope too, where that feels forces.
+
+    Mutation: its columns left out of what the gyroscope feels."""
+    values = np.zeros(COLUMNS)
+    values[19] = 1e-3  # x feels x
+    gyro, accel = bias_equivalents(_waves(40, 2.0, 0.0), _vector(values))
+    for column in (38, 40):
+        np.testing.assert_allclose(gyro[:, 0, column], -1e-3 * accel[:, 0, column], atol=1e-12)
+        assert np.abs(gyro[:, 0, column]).max() > 1e-3
+
+
+def test_few_knots_bend_nowhere() -> None:
+    """Fewer than a polynomial takes. Mutation: not looked at."""
+    second, third = bends(np.ones((3, 3)), H_S)
+    assert not second.any() and not third.any() and second.shape == (3, 3)

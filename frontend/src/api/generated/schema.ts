@@ -905,7 +905,7 @@ export interface components {
              * @description the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or only the blocks named are estimated
              * @default auto
              */
-            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "accelerometer_quadratic" | "g_sensitivity" | "size_effect" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "eccentricity" | "range_offset" | "incidence" | "grazing")[];
+            intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "accelerometer_quadratic" | "g_sensitivity" | "size_effect" | "low_pass_spread" | "low_pass_skew" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "eccentricity" | "range_offset" | "incidence" | "grazing")[];
             /**
              * Lidar
              * @description a lidar preset's name, for the priors; None: as recognised

@@ -110,6 +110,7 @@ def test_who_is_asked(
         late, "late_told", lambda _solved, _stds, asked: {b: places for b in asked if b == "size_effect"}
     )
     monkeypatch.setattr(late, "with_late", lambda state, _, size_m: (state, size_m))
+    monkeypatch.setattr(late, "_listening_anew", lambda _, state: state)
     monkeypatch.setattr(late, "_bend_s2_m", lambda _: 1e-4)
     run: Any = SimpleNamespace(settings=SimpleNamespace(intrinsics=wanted))
     solved: Any = Ended(SimpleNamespace(places=dict.fromkeys(before)))
@@ -203,3 +204,47 @@ def test_accelerometers_in_one_place_stay_there(monkeypatch: pytest.MonkeyPatch)
     assert not [each for each in result.intrinsics if each.block == "size_effect"]
     ((tried, ended),) = costs
     assert tried == pytest.approx(ended, rel=1e-5)
+
+
+@pytest.mark.parametrize(("sign", "asked"), [(1.0, True), (-1.0, False)])
+def test_no_filter_sharpens(monkeypatch: pytest.MonkeyPatch, sign: float, asked: bool) -> None:
+    """A spread below zero is none; a skew may be. Mutation: of either sign."""
+    blocks = {"low_pass_spread": slice(0, 2), "low_pass_skew": slice(2, 4)}
+    step = sign * np.array([5e-5, 5e-5, 1e-6, 1e-6])
+    tried: Any = SimpleNamespace(nuisance=SimpleNamespace(places=blocks), estimate=None)
+    layout: Any = SimpleNamespace(nuisance=lambda: slice(0, 4))
+    problem: Any = SimpleNamespace(linearise=lambda _: None, layout=lambda _: layout)
+    monkeypatch.setattr(late, "with_late", lambda state, *_: state)
+    monkeypatch.setattr(late, "problem_with_late", lambda *_: problem)
+    monkeypatch.setattr(late, "solve_arrow", lambda _: SimpleNamespace(information=None, step_shared=step))
+    spread = SimpleNamespace(matrix=np.diag([1e-12, 1e-12, 1e-14, 1e-14]))
+    monkeypatch.setattr(late, "covariance", lambda _: spread)
+    solved: Any = SimpleNamespace(state=tried)
+    told = late.late_told(solved, {"low_pass_spread": 1e-4, "low_pass_skew": 4e-6}, list(blocks))
+    assert (told["low_pass_spread"] is not None) is asked
+    assert told["low_pass_skew"] is not None
+
+
+@dataclass
+class Listening:
+    """A state, as far as tones are asked of it."""
+
+    nuisance: Any
+    untuned: bool = True
+
+
+@pytest.mark.parametrize(
+    ("shaken", "tones", "dropped"), [(False, (1.8,), True), (True, (80.0,), False), (False, (), False)]
+)
+def test_what_was_heard_of_a_calm_imu_is_listened_for_again(
+    monkeypatch: pytest.MonkeyPatch, shaken: bool, tones: tuple[float, ...], dropped: bool
+) -> None:
+    """Walks are as usual; tones stay where an engine is heard. Mutations: tones stay; an engine's go; none looked for again."""
+    gone: list[str] = []
+    monkeypatch.setattr(late, "with_usual_walks", lambda _, state: gone.append("walks") or state)
+    monkeypatch.setattr(late, "bare", lambda state: gone.append("tones") or state)
+    run: Any = SimpleNamespace(noise=SimpleNamespace(shaken=shaken))
+    state: Any = Listening(SimpleNamespace(tones_hz=tones))
+    after = late._listening_anew(run, state)
+    assert gone == ["walks", *(["tones"] if dropped else [])]
+    assert after.untuned is shaken
