@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from calib_core.events import Event, LogEvent, never_cancel
-from calib_core.full.initialise.initialise import initialise
+from calib_core.full.initialise.initialise import initialise, of_the_turns_lag
 from calib_core.full.initialise.rotation import acceleration_start, fit_lags, rotation_start
-from calib_core.full.initialise.start import LidarTrack
+from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.initialise.time_offset import GyroTurns, Turns
 from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.prepare.prepare import prepare
@@ -161,3 +161,25 @@ def test_of_a_motion_that_comes_once_nothing_is_said() -> None:
     run = prepare(recording, CalibrateSettings(), heard.append, never_cancel)
     initialise(run, true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s), truth.planes, None)
     assert not [event for event in heard if isinstance(event, LogEvent) and event.code == "start.repeats"]
+
+
+def _trial(lag_s: float, residual: float, rms: float) -> Start:
+    rotation = RotationStart(lag_s, np.eye(3), np.zeros(3), residual, 0.97, None)
+    return Start(rotation, LinearStart(np.zeros(3), np.zeros(3), np.zeros(3), rms))
+
+
+@pytest.mark.parametrize(
+    ("other", "lags_s"),
+    [
+        ((-8.4, 0.086, 1.31), [-0.2]),  # clearly worse of the turns, hardly better of the accelerations
+        ((-8.4, 0.054, 1.31), [-0.2, -8.4]),  # the turns tell nothing
+        ((-8.4, 0.086, 0.9), [-0.2, -8.4]),  # the accelerations do
+        ((-8.4, 0.086, 1.5), [-0.2, -8.4]),  # worse of both: none that would be taken
+    ],
+)
+def test_turns_tell_the_lag_where_accelerations_hardly_do(
+    other: tuple[float, float, float], lags_s: list[float]
+) -> None:
+    """Mutations: accelerations always asked; turns always."""
+    kept = of_the_turns_lag([_trial(*other), _trial(-0.2, 0.051, 1.37)])
+    assert sorted((t.rotation.time_offset_s for t in kept), reverse=True) == lags_s
