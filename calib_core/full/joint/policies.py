@@ -199,6 +199,8 @@ class Settling:
     #: more are the same. A twentieth of it is 3e-5 of a point's scatter, a thousandth of what the points of a round leave
     #: open of a motion (2000 unknowns of 800,000 points: 0.05).
     still: float = 5e-4
+    #: judged: so few of all cells come and go with the points of a round that moved nothing: where a wall ends, not what it is.
+    flickering: float = 0.01
     #: judged: where rounds lead each other about, cells and noise are held, and what a held round still moves by is told with all
     #: points: a tenth of what this part of them leaves open.
     led_about: float = 5e-3

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.factors.lidar_plane import LidarNoise
+from calib_core.factors.lidar_plane import Gate, LidarNoise
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.bounds import last_move, require_rest
 from calib_core.full.joint.estimation import Estimation, JointData
@@ -50,7 +50,8 @@ def near_rest(
 
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
     stays out. So would a noise that goes to and fro between two values: the last one stays. Where both lead each other about
-    and rounds come no nearer to rest, what all of the last surveys have seen stays, and the noise.   judge: asked as soon as
+    and rounds come no nearer to rest, what all of the last surveys have seen stays, and the noise. A few cells that come and
+    go while nothing moves stay out, and all is at rest.   judge: asked as soon as
     rounds hardly move, or cease to move less, and once more of what stays; from what it leaves, all begins anew.   turns: most
     times that it does.
     """
@@ -75,7 +76,7 @@ def near_rest(
             led_about = wanders(moves, settling)
             if led_about or swings(cells):
                 seen = cells[-DOUBTING.wandering - 1 :] if led_about else cells[-2:]
-                state = replace(state, support=PlaneExtents(state.support.normals, np.all(seen, axis=0)))
+                state = with_cells(state, np.all(seen, axis=0))
                 judge = judge or doubted
         if not (led_about or noise_swings(noises, settling.still / learning.sigmas)):
             state = measure(data, state, learning, sampling)
@@ -101,12 +102,9 @@ def near_rest(
                 judge, doubted = None, judge
         assert state.support is not None
         found, last = (state.support.inside, state.lidar_noise), surveyed
-        if moves[-1] < settling.unmoved or (
-            moves[-1] < settling.led_about
-            if led_about
-            else moves[-1] < settling.still and is_same(found, last, settling.still / gate.sigmas)
-        ):
-            break
+        both = None if last is None or not is_same(found, last, settling, gate) else found[0] & last[0]
+        if rests(moves[-1], settling, led_about=led_about, same=both is not None):
+            return state if both is None else with_cells(state, both), True
         surveyed = found
         if moves[-1] == min(moves):
             stillest = state.without_points()
@@ -116,9 +114,23 @@ def near_rest(
     return state, True
 
 
-def is_same(found: tuple[BoolArray, LidarNoise], last: tuple[BoolArray, LidarNoise] | None, part: float) -> bool:
-    """Whether a round has surveyed the cells of the one before it, and its noise but for this part of it."""
-    return last is not None and np.array_equal(found[0], last[0]) and is_same_noise(found[1], last[1], part)
+def with_cells(state: Estimation, inside: BoolArray) -> Estimation:
+    """With these cells of the planes' own, as they were laid out last."""
+    assert state.support is not None
+    return replace(state, support=PlaneExtents(state.support.normals, inside))
+
+
+def rests(move: float, settling: Settling, *, led_about: bool, same: bool) -> bool:
+    """Whether a round that moved points by so much is the last. led_about: its cells and noise are held.   same: so they were."""
+    return move < settling.unmoved or (move < settling.led_about if led_about else same and move < settling.still)
+
+
+def is_same(
+    found: tuple[BoolArray, LidarNoise], last: tuple[BoolArray, LidarNoise], settling: Settling, gate: Gate
+) -> bool:
+    """Whether a round has surveyed the cells of the one before it, all but a few, and its noise."""
+    differing, few = np.count_nonzero(found[0] ^ last[0]), settling.flickering * np.count_nonzero(found[0] | last[0])
+    return bool(differing <= few) and is_same_noise(found[1], last[1], settling.still / gate.sigmas)
 
 
 def is_same_noise(new: LidarNoise, old: LidarNoise, part: float) -> bool:

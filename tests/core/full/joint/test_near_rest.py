@@ -51,19 +51,47 @@ def test_rounds_that_move_points_farther_and_farther_go_away(moves: list[float],
 
 
 def test_the_same_survey_twice_is_none_that_still_changes() -> None:
-    """Mutations: cells alone are asked for; the noise alone; the first survey is taken for the same as none; noise to the bit."""
-    cells, more = np.zeros((1, 2, 2), bool), np.ones((1, 2, 2), bool)
+    """Mutations: cells alone are asked for; the noise alone; noise to the bit; a few cells never, or of those that both have."""
+    cells, more = np.zeros((1, 20, 20), bool), np.ones((1, 20, 20), bool)
+    cells[0, :10] = True
+    one, three = cells.copy(), cells.copy()
+    one[0, 0, 0], one[0, 15, 0], three[0, 0, :3] = False, True, False
     noise = LidarNoise(0.02, 0.001)
-    part = 1e-4
-    assert settling.is_same((cells, noise), (cells.copy(), LidarNoise(0.02, 0.001)), part)
-    assert not settling.is_same((cells, noise), None, part)
-    assert not settling.is_same((cells, noise), (more, noise), part)
-    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.0199, 0.001)), part)
-    assert not settling.is_same((cells, noise), (cells, replace(noise, farthest_m=30.0)), part)
-    assert not settling.is_same((cells, noise), (cells, replace(noise, nearest_m=0.4)), part)
+    gate = Gate()
+    part = replace(Settling(), still=1e-4 * gate.sigmas), gate
+    assert settling.is_same((cells, noise), (cells.copy(), LidarNoise(0.02, 0.001)), *part)
+    assert not settling.is_same((cells, noise), (more, noise), *part)
+    assert settling.is_same((cells, noise), (one, noise), *part)  # two of 201
+    assert not settling.is_same((cells, noise), (three, noise), *part)
+    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.0199, 0.001)), *part)
+    assert not settling.is_same((cells, noise), (cells, replace(noise, farthest_m=30.0)), *part)
+    assert not settling.is_same((cells, noise), (cells, replace(noise, nearest_m=0.4)), *part)
     # At 60 degrees 1e-4 of sqrt(0.01^2 + 0.001^2) m are moved by 10 micrometres of 0.001 m, and by no fewer.
-    assert settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001009)), part)
-    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001012)), part)
+    assert settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001009)), *part)
+    assert not settling.is_same((cells, noise), (cells, LidarNoise(0.02, 0.001012)), *part)
+
+
+def test_a_few_cells_that_come_and_go_while_nothing_moves_are_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another cell of many in each round, which moves nothing. Mutations: all rounds are made; what came last stays."""
+    steps: list[int] = []
+
+    def surveyed(_: object, state: _Swinging, *__: object) -> _Swinging:
+        inside = np.zeros((1, 20, 20), dtype=bool)
+        inside[0, :19] = True
+        inside[0, 19, state.surveys] = True
+        return replace(state, support=PlaneExtents(np.eye(3)[:1], inside), surveys=state.surveys + 1)
+
+    def moved(*_: object) -> float:
+        steps.append(1)
+        return 0.02 if len(steps) < 3 else 2e-4
+
+    data, first = _rounds_of(monkeypatch, moved, survey=surveyed)
+    state, rests = settling.near_rest(data, first, Settling(), Sampling())
+    assert rests
+    assert len(steps) == 3
+    assert state.support is not None
+    assert not state.support.inside[0, 19].any()
+    assert state.support.inside[0, :19].all()
 
 
 @dataclass(frozen=True)
