@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import NoReturn
@@ -32,6 +33,12 @@ def keep_freed_memory() -> None:
         wish(_TRIM_THRESHOLD, _KEPT_BYTES)
         wish(_TOP_PAD, _AT_ONCE_BYTES)
         wish(_MMAP_MAX, 0)  # those would be given back, and wiped when they are asked for again
+
+
+def say_nothing_of_numbers() -> None:
+    """For processes that compute, from here on: a number that overflows on the way is judged by what comes of it, in a sentence
+    of ours; the libraries' own lines about it tell a person nothing, and come out where there is to be none."""
+    warnings.filterwarnings("ignore", category=RuntimeWarning)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from types import FrameType
 from app.cli.commands import COMMANDS, AuditFailed, Refused
 from app.cli.parser import build_parser
 from app.cli.usage import UsageError
-from app.process import keep_freed_memory, leave
+from app.process import keep_freed_memory, leave, say_nothing_of_numbers
 from calib_core.errors import Cancelled, InputError
 
 EXIT_DONE, EXIT_FAILED, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -31,6 +31,7 @@ def main() -> None:
     if sys.argv[1:2] == ["serve"]:
         sys.exit(run(sys.argv[1:]))
     keep_freed_memory()
+    say_nothing_of_numbers()
     leave(run(sys.argv[1:]))
 
 

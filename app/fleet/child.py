@@ -12,7 +12,7 @@ from typing import cast
 
 from app.children import stay_with
 from app.fleet.orders import FleetOrder, FleetOutcome
-from app.process import keep_freed_memory, leave
+from app.process import keep_freed_memory, leave, say_nothing_of_numbers
 from calib_core.errors import UnsweepError
 
 FleetFunction = Callable[[FleetOrder], str]
@@ -24,6 +24,7 @@ def run_child(entry: str, order_json: str, tells: Connection, _stop: ProcessEven
     """
     stay_with(alive)
     keep_freed_memory()
+    say_nothing_of_numbers()
     nowhere = os.open(os.devnull, os.O_WRONLY)  # what libraries print must not get into the table
     for stream in (1, 2):
         os.dup2(nowhere, stream)

@@ -20,7 +20,7 @@ from app.jobs.coalesce import Coalescer
 from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
 from app.limits import apply_limits, full_disk, out_of_memory
-from app.process import keep_freed_memory, leave
+from app.process import keep_freed_memory, leave, say_nothing_of_numbers
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
 from calib_core.errors import Cancelled, TopicError, UnsweepError
@@ -39,6 +39,7 @@ def run_worker(entry: str, order_json: str, pipe: Connection, cancel: ProcessEve
     if sys.platform != "win32":
         os.nice(PATIENCE)
     keep_freed_memory()
+    say_nothing_of_numbers()
     order = Order.model_validate_json(order_json)
     if order.limits is not None:
         apply_limits(order.limits)
