@@ -17,21 +17,18 @@ def say_doubtful_choice(run: Run, solved: Solved) -> None:
     """
     stand = standings(solved.problem, solved.estimate)
     seen = [fault_of(row) or plane.fault for row, plane in zip(doubts(stand), solved.planes, strict=True)]
-    for plane, fault in zip(solved.planes, seen, strict=True):
-        if fault and plane.chosen:
+    points = [count for _, count in plane_residuals(solved.problem, solved.estimate)]
+    for plane, fault, count in zip(solved.planes, seen, points, strict=True):
+        if plane.chosen and count < PLAUSIBLE.unseen_share * sum(points):
+            seen_by = f"{count} of {sum(points):,} points lie" if count else "no point lies"
+            what = f"{plane.name} {WORDS[fault]}, and {seen_by} on it" if fault else f"{seen_by} on {plane.name}"
+            text = f"{what} in the end: it counts for nothing, and may not be where it was put"
+            run.say("warning", "planes.unseen", text)
+        elif plane.chosen and fault:
             run.say(
                 "warning",
                 "planes.doubted",
                 f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
-            )
-    points = [count for _, count in plane_residuals(solved.problem, solved.estimate)]
-    for plane, count in zip(solved.planes, points, strict=True):
-        if count < PLAUSIBLE.unseen_share * sum(points) and plane.chosen:
-            seen_by = f"{count} of {sum(points):,} points lie" if count else "no point lies"
-            run.say(
-                "warning",
-                "planes.unseen",
-                f"{seen_by} on {plane.name}: it counts for nothing, and may not be where it was put",
             )
     if is_mostly_bent(stand):
         run.say(

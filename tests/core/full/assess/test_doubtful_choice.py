@@ -12,22 +12,27 @@ from calib_core.full.joint.estimation import MapPlane
 
 
 @pytest.mark.parametrize(
-    ("ghost", "chosen", "said"),
+    ("ghost", "chosen", "fault", "said"),
     [
-        (0, True, "no point lies on ghost: it counts for nothing"),
-        (4, True, "4 of 1,000,004 points lie on ghost: it counts for nothing"),
-        (150, True, None),
-        (0, False, None),
+        (0, True, "", "planes.unseen no point lies on ghost in the end: it counts for nothing"),
+        (4, True, "", "planes.unseen 4 of 1,000,004 points lie on ghost in the end: it counts for nothing"),
+        (0, True, "mixed", "planes.unseen ghost is more than one surface"),
+        (150, True, "mixed", "planes.doubted ghost is more than one surface"),
+        (150, True, "", None),
+        (0, False, "", None),
+        (150, False, "mixed", None),
     ],
 )
 def test_a_plane_where_no_points_are_is_named(
-    monkeypatch: pytest.MonkeyPatch, ghost: int, chosen: bool, said: str | None
+    monkeypatch: pytest.MonkeyPatch, ghost: int, chosen: bool, fault: str, said: str | None
 ) -> None:
-    """Seen: a plane put beside the walls, with four points, unsaid. Mutations: said of what nobody chose; only of none."""
+    """Seen: a plane put beside the walls, with four points, unsaid. Mutations: said of what nobody chose; only of none;
+    said to count and to count for nothing."""
     heard: list[str] = []
     monkeypatch.setattr(doubtful_choice, "standings", lambda *_: None)
     monkeypatch.setattr(doubtful_choice, "doubts", lambda _: np.zeros((3, 3)))
-    monkeypatch.setattr(doubtful_choice, "fault_of", lambda _: "")
+    faults = iter(["", "", fault])
+    monkeypatch.setattr(doubtful_choice, "fault_of", lambda _: next(faults))
     monkeypatch.setattr(doubtful_choice, "is_mostly_bent", lambda _: False)
     monkeypatch.setattr(
         doubtful_choice, "plane_residuals", lambda *_: [(0.01, 700_000), (0.01, 300_000), (0.01, ghost)]
@@ -36,4 +41,4 @@ def test_a_plane_where_no_points_are_is_named(
     planes = [MapPlane("floor", chosen=True), MapPlane("wall 1", chosen=True), MapPlane("ghost", chosen=chosen)]
     solved = SimpleNamespace(problem=None, estimate=None, planes=planes)
     doubtful_choice.say_doubtful_choice(run, solved)  # type: ignore[arg-type]
-    assert [text.split(", and")[0] for text in heard] == ([] if said is None else [f"planes.unseen {said}"])
+    assert [text.split(", and")[0] for text in heard] == ([] if said is None else [said])
