@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { isOfSensors, gyroscopeText, parameterName } from "../src/features/result/sensors";
+import { isOfSensors, gyroscopeText, parameterName, readableIntrinsic } from "../src/features/result/sensors";
 
 // Fails when a block of one parameter says its name twice.
 it("a parameter's name is said once", () => {
@@ -28,4 +28,12 @@ it("a warning about a sensor stands among the warnings, not beside what was foun
   expect(isOfSensors({ code: "sensor.laser_range", level: "info" })).toBe(true);
   expect(isOfSensors({ code: "sensor.beyond_sheet", level: "warning" })).toBe(false);
   expect(isOfSensors({ code: "planes.bent", level: "info" })).toBe(false);
+});
+
+it("what a filter smears is told in units in which it is no row of zeros", () => {
+  // Two poles of 5 ms: 50 ms², 500 ms³. Mutations: as in the file; a thousand for a million.
+  const spread = { value: 4.79e-5, std: 1.36e-6, prior_std: 1e-4, unit: "s2" };
+  expect(readableIntrinsic(spread)).toEqual({ value: "47.9", sigma: "1.4", prior: "100", unit: "ms²" });
+  const skew = { value: -5.01e-7, std: 1.9e-8, prior_std: 4e-6, unit: "s3" };
+  expect(readableIntrinsic(skew)).toEqual({ value: "\u2212501", sigma: "19", prior: "4000", unit: "ms³" });
 });

@@ -10,6 +10,8 @@ const readable: Readonly<Record<string, { unit: string; times: number }>> = {
   rad: { unit: "°", times: 180 / Math.PI },
   m: { unit: "mm", times: 1000 },
   s: { unit: "ms", times: 1000 },
+  s2: { unit: "ms²", times: 1e6 },
+  s3: { unit: "ms³", times: 1e9 },
 };
 
 const digits = (value: number) => String(Number(value.toPrecision(2)));
