@@ -12,6 +12,7 @@ import numpy as np
 
 from calib_core.factors.laser_features import LaserErrors
 from calib_core.imu.intrinsics import ImuIntrinsics, felt_beside, unsmeared
+from calib_core.imu.preintegration import knot_spacing_s
 from calib_core.intrinsics import KINDS, NAMES, Block
 from calib_core.result import CalibrationResult
 from calib_core.types import FloatArray, ImuData, Recording, Scan
@@ -75,10 +76,6 @@ def ideal_lasers(result: CalibrationResult) -> Lasers | None:
     return replace(lasers, errors=errors)
 
 
-#: Readings are this close together where derivatives of them are asked for, as in the solve.
-_EVERY_S = 0.01
-
-
 def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
     """The IMU's readings as an ideal one's, biases left in, and its stamps at one offset from the lidar's clock all through."""
     imu, found = recording.imu, estimated(result)
@@ -128,7 +125,8 @@ def _sharp(at_s: FloatArray, readings: FloatArray, spread_s2: float, skew_s3: fl
     """Readings (N, 3) at instants (N,) as they were before a filter of this spread and skew."""
     if not (spread_s2 or skew_s3):
         return readings
-    every_s = np.arange(at_s[0], at_s[-1] + _EVERY_S, _EVERY_S)
+    spacing_s = knot_spacing_s(at_s)
+    every_s = np.arange(at_s[0], at_s[-1] + spacing_s, spacing_s)
     evenly = np.stack([np.interp(every_s, at_s, axis) for axis in readings.T], axis=1)
-    more = unsmeared(evenly, _EVERY_S, spread_s2, skew_s3)
+    more = unsmeared(evenly, spacing_s, spread_s2, skew_s3)
     return readings + np.stack([np.interp(at_s, every_s, axis) for axis in more.T], axis=1)
