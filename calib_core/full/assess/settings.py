@@ -162,8 +162,8 @@ class Bending:
 class Filtered:
     """When an IMU's low-pass filter is taken to do more than delay."""
 
-    #: derived: allowed while they are asked for: two poles of 7 ms, behind which half of the amplitude is gone at 15 Hz, have a
-    #: spread of 1e-4; one pole at 20 Hz has a skew of 1e-6.
+    #: derived: allowed while they are asked for: two poles of 7 ms, behind which half of the amplitude is gone at 23 Hz, have a
+    #: spread of 1e-4, two of 10 ms a skew of 4e-6.
     spread_s2: float = 1e-4
     skew_s3: float = 4e-6
     #: derived: as with accelerometers apart: by the data rather than by what is allowed. Slow motion tells nothing of it.

@@ -24,7 +24,7 @@ from calib_core.types import FloatArray
 _ZERO = (0.0, 0.0, 0.0)
 #: Readings at given instants: t_s (N,) to angular rate and specific force, (N, 3) each.
 Readings = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-#: Points at which the filter's answer is integrated, and the time constants after which it is over (it is then below 1e-7).
+#: Points at which the filter's answer is integrated, and the time constants after which it is over (it is then below 2e-6).
 _FILTER_POINTS, _FILTER_LASTS = 48, 16.0
 #: Half the span of the difference that is the rate's derivative: motion of 100 Hz loses 2e-8 of it.
 _SLOPE_S = 5e-7
