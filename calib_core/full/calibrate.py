@@ -18,7 +18,7 @@ import numpy as np
 from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
-from calib_core.full.assess.late import still_apart, with_late_blocks
+from calib_core.full.assess.late import still_show, with_late_blocks
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
@@ -155,12 +155,12 @@ def with_sensors_held(run: Run, solved: Callable[[Run], Solved], judged: Callabl
     """The same with the sensors held at their priors, which keeps what would run away with them: let go once all else is known;
     and where they still run away, held to the end and counted in the error bars.
 
-    Accelerometers that are far apart make them run away: where these show already, they are let go along, if they show then.
+    Accelerometers that are far apart make them run away: what of this kind shows already is let go along, if it shows then.
     """
     held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
     without = solved(held)
     unsay = run.attempt()
-    for begin_from, shows in ((with_late_blocks(run, without, ()), still_apart), (without, None)):
+    for begin_from, shows in ((with_late_blocks(run, without, ()), still_show), (without, None)):
         if begin_from is None:
             continue
         try:

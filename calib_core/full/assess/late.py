@@ -33,7 +33,7 @@ from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.tones import bare
 from calib_core.full.joint.walks import with_usual_walks
-from calib_core.full.prepare.nuisance import LATE, LOW_PASS, QUADRATIC, SIZE_EFFECT, SPREAD, priors_of
+from calib_core.full.prepare.nuisance import LATE, LOW_PASS, QUADRATIC, SIZE_EFFECT, SPREAD, Nuisance, priors_of
 from calib_core.full.run import Run
 from calib_core.intrinsics import Block
 from calib_core.solver.arrow import solve_arrow
@@ -106,17 +106,27 @@ def _listening_anew(run: Run, state: Estimation) -> Estimation:
     return replace(bare(state) if state.nuisance.tones_hz else state, untuned=False)
 
 
-def still_apart(solved: Solved) -> bool:
-    """Whether accelerometers that are taken to be apart are so beyond chance, with everything else that was let go along."""
-    place = solved.nuisance.places.get(SIZE_EFFECT)
-    if place is None or solved.minimum.solution is None:
+def still_show(solved: Solved) -> bool:
+    """Whether one of them that is among the unknowns is beyond chance, with everything else that was let go along."""
+    blocks = [block for block in LATE if block in solved.nuisance.places]
+    if not blocks or solved.minimum.solution is None:
         return False
     start = solved.problem.layout(solved.estimate).nuisance().start
-    own = slice(start + place.start, start + place.stop)
-    spread = covariance(solved.minimum.solution.information).matrix[own, own]
-    value, allowed = _BESIDE.T @ solved.estimate.nuisance[place], float(solved.nuisance.prior_std[place.start])
-    told = told_of(value, _BESIDE.T @ spread @ _BESIDE, allowed, APART.told, APART.fewest)
-    return told is not None and told.chance() < APART.chance
+    spread = covariance(solved.minimum.solution.information).matrix
+    for block in blocks:
+        place, rule = solved.nuisance.places[block], _RULES[block]
+        own, of = slice(start + place.start, start + place.stop), _directions(solved.nuisance, block)
+        value, allowed = of.T @ solved.estimate.nuisance[place], float(solved.nuisance.prior_std[place.start])
+        told = told_of(value, of.T @ spread[own, own] @ of, allowed, APART.told, rule.fewest)
+        if told is not None and told.chance() < rule.chance:
+            return True
+    return False
+
+
+def _directions(nuisance: Nuisance, block: Block) -> FloatArray:
+    """(N, K) along which something tells of a block: of places, how each is beside their middle."""
+    place = nuisance.places[block]
+    return _BESIDE if block == SIZE_EFFECT else np.eye(place.stop - place.start)
 
 
 def _is_wanted(run: Run, block: Block) -> bool:
@@ -147,7 +157,7 @@ def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block
     for block in asked:
         place = nuisance.places[block]
         own = slice(start + place.start, start + place.stop)
-        of = _BESIDE if block == SIZE_EFFECT else np.eye(place.stop - place.start)
+        of = _directions(nuisance, block)
         value, rule = of.T @ solution.step_shared[own], _RULES[block]
         if block == SPREAD and value.sum() < 0.0:  # a filter that averages smears; none that sharpens is known
             told[block] = None

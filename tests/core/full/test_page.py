@@ -159,7 +159,7 @@ def asked_of(
     monkeypatch.setattr(
         page, "with_late_blocks", lambda run, found, _: Found(f"{found} apart") if "wide" in found else None
     )
-    monkeypatch.setattr(page, "still_apart", lambda found: "still" in found)
+    monkeypatch.setattr(page, "still_show", lambda found: "still" in found)
     unused: Any = None
     settings = CalibrateSettings(intrinsics=mode)
     run = Run(unused, settings, unused, unused, unused, hear, unused, heard=heard)

@@ -150,9 +150,26 @@ def test_what_was_let_go_along_has_to_show_still(at_mm: float, known_mm: float, 
         ),
     )
     solved.minimum.solution.information[5:14, 5:14] = information
-    assert late.still_apart(solved) is shows
+    assert late.still_show(solved) is shows
     solved.nuisance.places = {}
-    assert not late.still_apart(solved)
+    assert not late.still_show(solved)
+
+
+@pytest.mark.parametrize(("at_s2", "std_s2", "shows"), [(5e-5, 5e-6, True), (5e-6, 5e-6, False), (5e-5, 1e-4, False)])
+def test_a_filter_that_was_let_go_along_has_to_show_still(at_s2: float, std_s2: float, shows: bool) -> None:
+    """Of both triads, beside accelerometers in one place, which show nothing. Mutations: of places alone; of any block."""
+    allowed = np.full(12, 1e-4)
+    allowed[:9] = 8e-3
+    variance = np.concatenate([np.full(9, 8e-3) ** 2, 1.0 / (1.0 / allowed[9:11] ** 2 + 1.0 / std_s2**2), [1.0]])
+    solved: Any = SimpleNamespace(
+        nuisance=SimpleNamespace(
+            places={"size_effect": slice(0, 9), "low_pass_spread": slice(9, 11)}, prior_std=allowed
+        ),
+        estimate=SimpleNamespace(nuisance=np.concatenate([np.zeros(9), [at_s2, at_s2, 0.0]])),
+        problem=SimpleNamespace(layout=lambda _: SimpleNamespace(nuisance=lambda: slice(0, 12))),
+        minimum=SimpleNamespace(solution=SimpleNamespace(information=np.diag(1.0 / variance))),
+    )
+    assert late.still_show(solved) is shows
 
 
 def _calibrated(faults: str, **settings: Any) -> tuple[CalibrationResult, float]:
