@@ -71,7 +71,7 @@ def _require_measured_points(ctx: Run, raw: RotationStart, straight: Sequence[Ro
     A track of planes tells the same better (`within_sweeps.py`), where there is one.
     """
     left = _left(straight)
-    if raw.correlation < AGREEING.trusted or left < AGREEING.bent * raw.residual:
+    if not straight or raw.correlation < AGREEING.trusted or left < AGREEING.bent * raw.residual:
         return
     shown = (
         "with what the gyroscope turned within the sweeps taken out of them, the turns from sweep to sweep are off its own by "

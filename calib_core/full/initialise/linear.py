@@ -94,7 +94,8 @@ def _fitting(
     m = len(track.start_s)
     R_imu = track.R @ start.R_imu_lidar.T
     gaps = np.diff(track.start_s)
-    use = np.flatnonzero((gaps < LINEAR.most_gap_s) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
+    most_gap_s = max(LINEAR.most_gap_s, LINEAR.usual_gaps * float(np.median(gaps))) if len(gaps) else LINEAR.most_gap_s
+    use = np.flatnonzero((gaps < most_gap_s) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
     T = gaps[use]
     rows = _linear_rows(
         use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, LINEAR.position_std_m, LINEAR.velocity_std_m_s

@@ -258,6 +258,9 @@ class Linear:
     #: derived: scans further apart than this say nothing, as integrals drift: a start wrong by two degrees of gravity's
     #: direction is 0.35 m/s2, 2 cm after that long.
     most_gap_s: float = 0.35
+    #: derived: of clouds that come twice a second and less, nothing else is there: 4 cm after half a second are a start, too. So
+    #: many usual gaps are one, but not two, where a scan is missing.
+    usual_gaps: float = 1.5
     #: derived: passes, as gravity's size is told along its own direction, to 0.2 %.
     passes: int = 3
     gravity_std_m_s2: float = 0.02
