@@ -33,7 +33,7 @@ from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.tones import bare
 from calib_core.full.joint.walks import with_usual_walks
-from calib_core.full.prepare.nuisance import LATE, LOW_PASS, QUADRATIC, SIZE_EFFECT, SPREAD, Nuisance, priors_of
+from calib_core.full.prepare.nuisance import LATE, LOW_PASS, QUADRATIC, SIZE_EFFECT, SKEW, SPREAD, Nuisance, priors_of
 from calib_core.full.run import Run
 from calib_core.intrinsics import Block
 from calib_core.solver.arrow import solve_arrow
@@ -95,6 +95,10 @@ def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) ->
             state = with_late(state, block, tried[block])
         elif of.size_m > APART.least_m:
             state = with_late(state, block, of.size_m)
+        if block == SPREAD and SKEW in asked:
+            # What smears as a pole does is as lopsided, whether that shows or not, and the time offset is off by it.
+            lasts_s = float(np.sqrt(np.sqrt(np.mean(of.at**2))))
+            state = with_late(state, SKEW, FILTERED.skew_of_spread * lasts_s**3)
     return None if state is solved.state else replace(solved, state=_listening_anew(run, state))
 
 

@@ -166,6 +166,8 @@ class Filtered:
     #: spread of 1e-4, two of 10 ms a skew of 4e-6.
     spread_s2: float = 1e-4
     skew_s3: float = 4e-6
+    #: derived: a pole with a spread v has a skew of 2 v^1.5, two equal ones of 1.4 v^1.5, a mean over a while none.
+    skew_of_spread: float = 1.5
     #: derived: as with accelerometers apart: by the data rather than by what is allowed. Slow motion tells nothing of it.
     known: float = 0.25
     fewest: int = 1

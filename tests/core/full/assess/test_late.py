@@ -265,3 +265,30 @@ def test_what_was_heard_of_a_calm_imu_is_listened_for_again(
     after = late._listening_anew(run, state)
     assert gone == ["walks", *(["tones"] if dropped else [])]
     assert after.untuned is shaken
+
+
+@pytest.mark.parametrize(
+    ("wanted", "skew", "admitted"),
+    [
+        ("auto", 0.0, {"low_pass_spread": 1e-4, "low_pass_skew": 1.5 * 5e-5**1.5}),
+        ("auto", 9.0, {"low_pass_spread": 1e-4, "low_pass_skew": 4e-6}),
+        (("low_pass_spread",), 0.0, {"low_pass_spread": 1e-4}),
+    ],
+)
+def test_what_smears_is_allowed_to_be_as_lopsided_as_a_pole(
+    monkeypatch: pytest.MonkeyPatch, wanted: Any, skew: float, admitted: dict[str, float]
+) -> None:
+    """Unless it shows by itself, or is not asked for. Mutations: not allowed for; as much as is tried, whatever the spread."""
+    tells = {
+        "low_pass_spread": Told(np.full(2, 5e-5), np.full(2, 5e-6)),
+        "low_pass_skew": Told(np.full(2, skew * 1e-7), np.full(2, 1e-7)),
+    }
+    let_go: dict[str, float] = {}
+    monkeypatch.setattr(late, "late_told", lambda _solved, _stds, asked: {b: tells[b] for b in asked if b in tells})
+    monkeypatch.setattr(late, "with_late", lambda _, block, std: let_go.update({block: std}) or "on")
+    monkeypatch.setattr(late, "_listening_anew", lambda _, state: state)
+    monkeypatch.setattr(late, "_bend_s2_m", lambda _: 1e-4)
+    run: Any = SimpleNamespace(settings=SimpleNamespace(intrinsics=wanted))
+    solved: Any = Ended(SimpleNamespace(places={}))
+    assert late.with_late_blocks(run, solved, ()) is not None
+    assert let_go == pytest.approx(admitted)
