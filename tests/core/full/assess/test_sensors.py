@@ -66,6 +66,28 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             "sensor.size_effect",
             "up to 12 mm apart; it was taken out. The translation is the one to their middle, which may be 0.58 mm from",
         ),
+        # 158 / s2 of motion of 2 Hz: v / 2 of it is 0.38 %; u / 6 of it, of 5e-6 s3, 0.13 ms.
+        (
+            "low_pass_spread",
+            4.8e-5,
+            True,
+            "sensor.low_pass",
+            "gyroscope reads 0.38% too little of motion of 2 Hz; it was",
+        ),
+        (
+            "low_pass_skew",
+            5e-6,
+            True,
+            "sensor.low_pass_skew",
+            "reads motion of 2 Hz 0.13 ms too early beside slow motion",
+        ),
+        (
+            "low_pass_skew",
+            -5e-6,
+            True,
+            "sensor.low_pass_skew",
+            "reads motion of 2 Hz 0.13 ms too late beside slow motion",
+        ),
         ("clock_rate", -60.5, True, "sensor.clock", "clock loses 60.5 millionths on the IMU's; it was taken out"),
         ("clock_rate", 12.25, True, "sensor.clock", "clock gains 12.2 millionths on the IMU's"),
         ("gyroscope_scale", -4e-3, True, "sensor.gyroscope_scale", "x axis reads 0.40% too little; it was taken out"),
@@ -74,7 +96,8 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
 def test_what_is_beyond_chance_is_said(block: Block, value: float, corrected: bool, code: str, text: str) -> None:
     """And nothing of what is not.
 
-    Mutations: short and long, gains and loses exchanged; said or corrected whether or not; what is small told as 0.0 mm.
+    Mutations: short and long, gains and loses, early and late exchanged; said or corrected whether or not; what is small told
+    as 0.0 mm.
     """
     found = [_found(block, value)]
     if block == "size_effect":
