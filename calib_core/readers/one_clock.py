@@ -10,6 +10,7 @@ from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.reading import Reading
 from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
 from calib_core.readers.timing.resets import reset_finding, resets, sides
+from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
 from calib_core.types import BoolArray, Evidence, Finding
 
@@ -33,7 +34,9 @@ def longest_stretch(
     lidar: HeaderTimes, imu: RawImu, topics: tuple[str, str], period_s: float, start_ns: int
 ) -> Stretch:
     """Of these messages. topics: the lidar's and the IMU's.   start_ns: the recording's start, receive time."""
-    stamps = HeaderTimes(imu.header_ns, imu.receive_ns)
+    # A reading stamped with zero at either end is one damaged stamp, and stays away for as long as there are others.
+    good = plausible_stamps(imu.header_ns, imu.receive_ns)
+    stamps = HeaderTimes(imu.header_ns[good], imu.receive_ns[good])
     found = sorted([*resets(lidar, topics[0]), *resets(stamps, topics[1])], key=lambda reset: reset.at_ns)
     if not found:
         return Stretch(np.ones(lidar.receive_ns.size, dtype=np.bool_), imu, ())

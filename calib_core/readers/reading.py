@@ -17,10 +17,9 @@ from calib_core.counts import counted
 from calib_core.errors import Cancelled, InputError, UnreadableRecording
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.readers.clouds.cloud import RawCloud
-from calib_core.readers.clouds.decoders import CloudDecoder
+from calib_core.readers.clouds.decoders import UNDECODABLE, CloudDecoder
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
-from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.gather import Gathering
 from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.point_unit import require_metres
@@ -80,7 +79,7 @@ def sample_clouds(
     for message in itertools.islice(messages, 3 * SAMPLED_SCANS):
         try:
             cloud = decoder(message)
-        except MalformedMessage as error:
+        except UNDECODABLE as error:
             failure = str(error)
             continue
         if not {"x", "y", "z"} <= set(cloud.names):
@@ -176,7 +175,7 @@ class Reading:
         if bad:
             self.n_malformed += len(bad)
             self.malformed_text = self.malformed_text or f"message {min(bad)}: its stamp is minutes off"
-            self.scans.without([k for k, scan in enumerate(self.scans) if scan.index in bad])
+            self.scans.without([k for k, index in enumerate(self.scans.message_indices) if index in bad])
 
     def _report(self, n_seen: int, n_total: int) -> None:
         if self.should_cancel():
@@ -195,7 +194,7 @@ class Reading:
     def _take(self, index: int, decoded: Future[_Decoded]) -> None:
         try:
             taken = decoded.result()
-        except (MalformedMessage, ValueError, KeyError) as error:
+        except UNDECODABLE as error:
             self.n_malformed += 1
             self.malformed_text = self.malformed_text or f"message {index}: {error}"
             return

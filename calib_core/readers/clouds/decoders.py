@@ -12,9 +12,13 @@ from calib_core.readers.clouds.livox import read_custom_msg
 from calib_core.readers.clouds.packets import PACKET_TYPES, unsupported_packets
 from calib_core.readers.clouds.pointcloud2 import read_pointcloud2
 from calib_core.readers.container.storage import RawMessage, TopicSummary
+from calib_core.readers.container.wire import MalformedMessage
 
 #: Raises MalformedMessage for bytes that are no message of the topic's type.
 CloudDecoder = Callable[[RawMessage], RawCloud]
+
+#: What decoding raises at a message that is damaged, or lacks a field that the others have.
+UNDECODABLE = (MalformedMessage, ValueError, KeyError)
 
 
 def cloud_decoder(topic: TopicSummary, stamps: Literal["header", "receive"] = "header") -> CloudDecoder:

@@ -13,16 +13,16 @@ from typing import Literal
 
 import numpy as np
 
+from calib_core.counts import counted
 from calib_core.errors import Cancelled, SettingsError
-from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.maps.files import write_cloud
-from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
+from calib_core.readers.clouds.decoders import UNDECODABLE, CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.livox import TYPES as LIVOX_TYPES
 from calib_core.readers.clouds.pointcloud2 import TYPE as POINTCLOUD2
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
-from calib_core.readers.container.wire import MalformedMessage
 from calib_core.readers.reading import sample_clouds, span_ns
 from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import select_points
@@ -101,15 +101,15 @@ class _Rewriter:
         self._recording, self._lidar, self._transform = recording, lidar, transform
         self._settings, self._on_event, self._should_cancel = settings, on_event, should_cancel
         self._span = span_ns(recording, settings)
-        # Fields are written as they came; the decoder that makes up times is only asked for the times.
+        # Headers and fields are written as they came; the decoder that makes up times, or takes the recorder's, is asked for them
+        # alone: when the motion was, whoever solved it was told by the same.
         self._plain: CloudDecoder = cloud_decoder(lidar)
-        sample = sample_clouds(recording, lidar, self._plain, self._span)
+        stamped = cloud_decoder(lidar, settings.stamps)
+        sample = sample_clouds(recording, lidar, stamped, self._span)
         help_text = recognise_layout(sample[0], lidar.name).help_text
-        self._timed, self._timing, _ = point_timing(
-            sample, self._plain, settings, topic=lidar.name, help_text=help_text
-        )
+        self._timed, self._timing, _ = point_timing(sample, stamped, settings, topic=lidar.name, help_text=help_text)
         self._timed, _ = by_rows(sample, self._timed, lidar.name)
-        self._count = 0
+        self._count, self._undecodable = 0, 0
 
     def write_clouds(self, folder: Path, cloud_format: CloudFormat) -> int:
         """One file per scan, numbered in input order: all points, invalid ones included, with all fields."""
@@ -117,10 +117,12 @@ class _Rewriter:
         for message in self._messages((self._lidar.name,)):
             try:
                 cloud = self._plain(message)
-            except MalformedMessage:
+            except UNDECODABLE:
+                self._undecodable += 1
                 continue
             write_cloud(folder / f"{self._count:06d}.{cloud_format}", moved_copy(cloud, self._moved(message)))
             self._advance()
+        self._say_what_was_left("left out, or left as they were")
         return self._count
 
     def write_bag(self, file: Path) -> int:
@@ -134,28 +136,38 @@ class _Rewriter:
         with ros1_writer(file, topics) if file.suffix == ".bag" else ros2_writer(file, topics) as writer:
             for message in self._messages(tuple(t.name for t in topics)):
                 if message.topic == self._lidar.name:
-                    writer.write(message.topic, message.receive_ns, self._moved_payload(message, is_packets))
+                    payload = self._moved_payload(message, is_packets)
+                    if payload is not None:
+                        writer.write(message.topic, message.receive_ns, payload)
                     self._advance()
                 else:
                     writer.write(message.topic, message.receive_ns, message.payload)
+        self._say_what_was_left("left out" if is_packets else "left as they were")
         return self._count
+
+    def _say_what_was_left(self, how: str) -> None:
+        if self._undecodable:
+            text = f"{counted(self._undecodable, 'message')} on {self._lidar.name} cannot be decoded: {how}."
+            self._on_event(LogEvent(level="warning", code="points.malformed", text=text))
 
     def _messages(self, topics: tuple[str, ...]) -> Iterator[RawMessage]:
         return self._recording.messages(topics, start_ns=self._span[0], stop_ns=self._span[1])
 
-    def _moved_payload(self, message: RawMessage, is_packets: bool) -> bytes:
-        try:
-            xyz = self._moved(message)
-        except MalformedMessage:
-            return message.payload
+    def _moved_payload(self, message: RawMessage, is_packets: bool) -> bytes | None:
+        """None where packets that cannot be decoded would have to become a cloud."""
+        before, xyz = self._undecodable, self._moved(message)
         if is_packets:
-            return pointcloud2_payload(self._plain(message), xyz, self._lidar.encoding)
+            decodable = self._undecodable == before
+            return pointcloud2_payload(self._plain(message), xyz, self._lidar.encoding) if decodable else None
         return message.payload if xyz is None else patched_payload(message, self._lidar, xyz)
 
     def _moved(self, message: RawMessage) -> MovedPoints | None:
         """The coordinates to be written, and of which points; None where the scan stays as it is."""
-        cloud = self._timed(message)
-        selection = select_points(cloud, self._timing, _NEAREST_M, _FARTHEST_M)
+        try:
+            selection = select_points(self._timed(message), self._timing, _NEAREST_M, _FARTHEST_M)
+        except UNDECODABLE:
+            self._undecodable += 1
+            return None
         scan = selection.scan(self._count)
         moved = None if scan is None else self._transform(scan)
         if scan is None or moved is None:

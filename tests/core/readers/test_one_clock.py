@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import InputError
+from calib_core.readers import scans as scans_of
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.load import load
@@ -271,3 +272,47 @@ def test_gravity_however_shaken_and_turned_is_let_through(gravity: float, shaken
     turned = gravity * np.stack([np.sin(angle), np.zeros(3000), np.cos(angle) - 1.0], axis=1)
     for accel in (given.accel, given.accel + turned):
         assert len(clean_imu(replace(given, accel=accel), ReadSettings(), "/imu").imu.stamps_ns) == 3000
+
+
+@pytest.mark.parametrize("memory_bytes", [None, 0])
+def test_one_damaged_stamp_of_a_scan_costs_that_scan(
+    memory_bytes: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In memory as from the file that holds the scans of a recording of seconds.
+
+    Seen: the file was read before it was mapped, and any recording of usual length ended as a defect. Mutation: that again.
+    """
+    if memory_bytes is not None:
+        monkeypatch.setattr(scans_of, "MEMORY_BYTES", memory_bytes)
+
+    def change(messages: list[build.Message]) -> list[build.Message]:
+        return [m if m != bad else late for m in messages]
+
+    bad = build.velodyne_messages(60, cdr=True)[20]
+    body = build.pointcloud2(
+        build.velodyne_points(build.sweep(seed=20)),
+        cdr=True,
+        stamp_ns=build.EPOCH_NS + 20 * PERIOD_NS + 3600 * SECOND_NS,
+        frame_id="velodyne",
+    )
+    late = (*bad[:3], body)
+    read = _spoilt(tmp_path, change)
+    assert _said(read)["points.malformed"].startswith("1 message on /velodyne_points cannot be decoded")
+    assert "its stamp is minutes off" in _said(read)["points.malformed"]
+    assert [scan.stamp_ns for scan in read.scans] == [build.EPOCH_NS + k * PERIOD_NS for k in range(60) if k != 20]
+
+
+@pytest.mark.parametrize("at", [0, -1])
+def test_a_reading_stamped_with_zero_at_either_end_is_no_clock_that_was_set(at: int, tmp_path: Path) -> None:
+    """Seen: "jump ahead by 1699999999.92 s". Mutation: stamps as they came."""
+
+    def change(messages: list[build.Message]) -> list[build.Message]:
+        readings = [k for k, m in enumerate(messages) if m[0] == "/imu/data"]
+        topic, kind, received_ns, _ = messages[readings[at]]
+        zero = build.imu_message(0, np.zeros(3), np.array([0.0, 0.0, 9.81]), cdr=True)
+        return [(topic, kind, received_ns, zero) if k == readings[at] else m for k, m in enumerate(messages)]
+
+    read = _spoilt(tmp_path, change)
+    assert "clock.set" not in _said(read)
+    assert len(read.imu.stamps_ns) == 599
+    assert len(read.scans) == 60

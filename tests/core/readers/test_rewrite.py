@@ -131,3 +131,47 @@ def test_outputs_that_do_not_fit(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError):
         rewrite_clouds(source, None, tmp_path / "new.bag", fails)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["r.bag"]
+
+
+@pytest.mark.parametrize("suffix", ["", ".bag"])
+def test_receive_times_are_those_of_the_motion(suffix: str, tmp_path: Path) -> None:
+    """Headers of another century: the points are asked for as `load` gives them, and headers stay.
+
+    Seen: a motion solved by receive times was asked for by headers. Mutation: the decoder of headers again.
+    """
+    source, out, told = written(tmp_path, "velodyne", cdr=False), tmp_path / f"out{suffix}", list[int]()
+    settings = ReadSettings(stamps="receive")
+
+    def transform(scan: Scan) -> FloatArray:
+        told.append(scan.stamp_ns)
+        return scan.points["xyz"].astype(np.float64)
+
+    rewrite_clouds(source, None, out, transform, settings=settings)
+    assert told == [scan.stamp_ns for scan in load(source, settings).scans]
+    assert told != [scan.stamp_ns for scan in load(source, ReadSettings()).scans]
+    if suffix:
+        assert payloads(source) == payloads(out)
+
+
+@pytest.mark.parametrize("suffix", ["", ".bag"])
+def test_a_cloud_that_cannot_be_decoded_is_left_and_counted(suffix: str, tmp_path: Path) -> None:
+    """One cloud without point times, as `load` takes with a word. Mutations: what is malformed alone is left; nothing is said."""
+    without = build.velodyne_points(build.sweep(seed=3))[["x", "y", "z", "intensity", "ring"]]
+    body = build.pointcloud2(without, cdr=False, stamp_ns=build.EPOCH_NS + 3 * PERIOD_NS, frame_id="velodyne")
+    clouds = build.velodyne_messages(N, cdr=False)
+    clouds[3] = (*clouds[3][:3], body)
+    source = build.write_ros1(tmp_path / "r.bag", build.in_order(clouds, build.still_imu(1.0, cdr=False)))
+    assert len(load(source, ReadSettings()).scans) == N - 1
+
+    said = list[str]()
+    out = tmp_path / f"out{suffix}"
+    settings = ReadSettings(range_min_m=1e-4, range_max_m=1e6)
+    moved = rewrite_clouds(
+        source, None, out, shifted, settings=settings, on_event=lambda e: said.append(getattr(e, "code", ""))
+    )
+    assert moved == N
+    assert said.count("points.malformed") == 1
+    if suffix:
+        before, after = payloads(source), payloads(out)
+        same = [a == b for a, b in zip(before, after, strict=True) if a[0] == "/velodyne_points"]
+        assert same == [k == 3 for k in range(N)]
