@@ -92,7 +92,8 @@ def calibrate(
         text = because_of(refusal, heard.messages)
         said = [*heard.messages, Message(code=refusal.code, level="error", text=text)]
         return Calibration(refused(recording, settings, said, time.monotonic() - started), None)
-    answer = since_the_start(answer, (recording.scans[0].stamp_ns - whole.scans[0].stamp_ns) * 1e-9)
+    left_out_s = whole.skipped_s + (recording.scans[0].stamp_ns - whole.scans[0].stamp_ns) * 1e-9
+    answer = since_the_start(answer, left_out_s)
     said = with_doubts_settled(heard.messages) if not answer.is_weak else heard.messages
     result = document(recording, settings, answer, said, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)

@@ -255,7 +255,7 @@ class CalibrationResult(_Model):
     )
     clock_rate_ppm_std: float | None = None
     time_offset_at_s: float | None = Field(
-        default=None, description="lidar time, seconds after the first scan, at which time_offset_s holds"
+        default=None, description="lidar time, seconds from the recording's start, at which time_offset_s holds"
     )
     imu_noise: ImuNoise | None = Field(
         default=None, description="the IMU's noise densities and random walks that the solve used, mean over axes"

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from calib_core.intrinsics import Block
 
@@ -50,8 +50,15 @@ class ReadSettings(_Settings):
         default="once",
         description="returns that stand in a cloud twice, as of a lidar in dual mode: counted once, or as they came",
     )
-    range_min_m: float = 0.3
-    range_max_m: float = 200.0
+    range_min_m: float = Field(default=0.3, ge=0)
+    range_max_m: float = Field(default=200.0, gt=0)
+
+    @model_validator(mode="after")
+    def _nearest_before_farthest(self) -> Self:
+        if self.range_min_m >= self.range_max_m:
+            found = f"{self.range_min_m:g} to {self.range_max_m:g} m"
+            raise ValueError(f"expected a least range below the greatest, found {found}")
+        return self
 
 
 class ImuNoise(_Settings):
@@ -129,6 +136,11 @@ class CalibrateSettings(_Settings):
     excluded_spans_s: tuple[tuple[float, float], ...] = Field(
         default=(), description="scans that touch these spans are left out; seconds after the first scan read"
     )
+
+    @property
+    def range_std_m(self) -> float | None:
+        """The lidar's noise along the beam where it is given; otherwise it is measured."""
+        return self.imu_noise.range_std_m if isinstance(self.imu_noise, ImuNoise) else None
 
     @field_validator("excluded_spans_s")
     @classmethod

@@ -137,6 +137,7 @@ class Recording:
     scans: any sequence (a list, or one backed by a file on disk).
     coarse_offset_ns: seconds-scale guess of the contract's time offset from receive times where the two header clocks
     have different epochs; 0 where they share one. To be ADDED to IMU stamps to express them in the lidar clock.
+    skipped_s: what was left out before the first of these scans, from the first that the whole recording has.
     """
 
     name: str
@@ -149,6 +150,12 @@ class Recording:
     scans_total: int = 0
     findings: tuple[Finding, ...] = ()
     imu_model: str = ""
+    skipped_s: float = 0.0
+
+    @property
+    def middle_s(self) -> float:
+        """Of its first and last scan, from the start of the whole recording."""
+        return self.skipped_s + 0.5e-9 * (self.scans[-1].stamp_ns - self.scans[0].stamp_ns)
 
 
 @dataclass(frozen=True, slots=True)

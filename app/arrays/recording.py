@@ -64,6 +64,7 @@ class _RecordingText(BaseModel):
     duration_s: float
     coarse_offset_ns: int
     scans_total: int
+    skipped_s: float = 0.0
     findings: list[_FindingText]
     imu_model: str
 
@@ -120,6 +121,7 @@ def write_recording(folder: Path, recording: Recording) -> None:
             duration_s=recording.duration_s,
             coarse_offset_ns=recording.coarse_offset_ns,
             scans_total=recording.scans_total,
+            skipped_s=recording.skipped_s,
             findings=TypeAdapter(list[_FindingText]).validate_python(list(recording.findings), from_attributes=True),
             imu_model=recording.imu_model,
         )
@@ -158,6 +160,7 @@ def read_recording(folder: Path) -> Recording:
         duration_s=text.duration_s,
         coarse_offset_ns=text.coarse_offset_ns,
         scans_total=text.scans_total,
+        skipped_s=text.skipped_s,
         findings=tuple(_finding(found) for found in text.findings),
         imu_model=text.imu_model,
     )

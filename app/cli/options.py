@@ -78,7 +78,8 @@ def solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
 def _unfit(error: ValidationError) -> SettingsError:
     first = error.errors()[0]
     option = "-".join(str(part) for part in first["loc"]).replace("_", "-")
-    return SettingsError(f"The option --{option} does not fit: {first['msg']}; correct it")
+    what = f"The option --{option} does" if option else "These options do"
+    return SettingsError(f"{what} not fit: {first['msg'].removeprefix('Value error, ')}; correct it")
 
 
 def parse_points(text: str | None, method: Method) -> int | None:

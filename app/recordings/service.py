@@ -206,7 +206,7 @@ class RecordingService:
         try:
             after = ReadSettings.model_validate(before.model_dump() | given)
         except ValidationError as error:
-            reason = error.errors()[0]["msg"]
+            reason = error.errors()[0]["msg"].removeprefix("Value error, ")
             raise BadRequest("recording.settings", f"These read settings do not fit: {reason}.") from error
         if after.start_s is not None and after.end_s is not None and after.start_s >= after.end_s:
             raise BadRequest(

@@ -8,6 +8,7 @@ turning is what smears a cloud most. What the calibration found of single lasers
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from calib_core.full.assess.own_errors import lasers_of
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.imu.turned import turned_since
+from calib_core.intrinsics import CLOCK_RATE_STD_PPM
 from calib_core.maps.accumulate import covers
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Prior
@@ -61,7 +63,7 @@ def held_motion(
     correct_lasers: what the calibration found of the lasers is taken out of the points, too.
     """
     correct = laser_corrector(result) if correct_lasers else _as_published
-    guess, priors = held_calibration(result)
+    guess, priors = held_calibration(result, recording)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
     settings = _as_solved(result).model_copy(update={"priors": priors, "crispness": False})
     solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
@@ -130,22 +132,34 @@ def turning_alone(imu: ImuData, calibration: InitialGuess, gyro_bias_rad_s: Floa
     )
 
 
-def held_calibration(result: CalibrationResult) -> tuple[InitialGuess, tuple[Prior, ...]]:
-    """The calibration as a start, and priors that keep it there. Raises SettingsError where it was refused."""
+def held_calibration(
+    result: CalibrationResult, recording: Recording | None = None
+) -> tuple[InitialGuess, tuple[Prior, ...]]:
+    """The calibration as a start, and priors that keep it there. Raises SettingsError where it was refused.
+
+    recording: whose motion is asked for. What the clocks' rates make of the offset is known of the recording it was found in.
+    """
     if result.T_imu_lidar is None or result.time_offset_ns is None:
         raise SettingsError(
             f"Expected a calibration to take the motion out with, but the result of {result.provenance.recording.name} "
             f"has the status `{result.status}` and holds none; calibrate a recording with more motion first."
         )
-    return held(np.array(result.T_imu_lidar.matrix), result.time_offset_ns)
+    of_same = recording is not None and recording.sha256 and recording.sha256 == result.provenance.recording.sha256
+    away_s = recording.middle_s - (result.time_offset_at_s or 0.0) if recording is not None and of_same else 0.0
+    gained_s = 1e-6 * (result.clock_rate_ppm or 0.0) * away_s
+    unsure_s = 1e-6 * CLOCK_RATE_STD_PPM * away_s if result.clock_rate_ppm is None else 0.0
+    offset_ns = result.time_offset_ns + round(1e9 * gained_s)
+    return held(np.array(result.T_imu_lidar.matrix), offset_ns, offset_std_s=math.hypot(HELD_STD, unsure_s))
 
 
-def held(T_imu_lidar: FloatArray, time_offset_ns: int) -> tuple[InitialGuess, tuple[Prior, ...]]:
+def held(
+    T_imu_lidar: FloatArray, time_offset_ns: int, *, offset_std_s: float = HELD_STD
+) -> tuple[InitialGuess, tuple[Prior, ...]]:
     """A calibration as a start, and priors that keep it there. T_imu_lidar: (4, 4)."""
     R_imu_lidar, p_imu_lidar = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
     guess = InitialGuess(R_imu_lidar=R_imu_lidar, p_imu_lidar=p_imu_lidar, time_offset_ns=time_offset_ns)
     x, y, z = (float(value) for value in p_imu_lidar)
     turns = (Prior(axis="rx", value=0.0, std=HELD_STD), Prior(axis="ry", value=0.0, std=HELD_STD))
     places = (Prior(axis="tx", value=x, std=HELD_STD), Prior(axis="ty", value=y, std=HELD_STD))
-    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=time_offset_ns * 1e-9, std=HELD_STD))
+    last = (Prior(axis="tz", value=z, std=HELD_STD), Prior(axis="dt", value=time_offset_ns * 1e-9, std=offset_std_s))
     return guess, (*turns, Prior(axis="rz", value=0.0, std=HELD_STD), *places, *last)

@@ -12,7 +12,7 @@ from calib_core.paper.problem import PaperState
 from calib_core.paper.records import FrontEnd, ImuStates, PaperOptions
 from calib_core.paper.timeline import Timeline, build_timeline
 from calib_core.paper.upsample import HeldReadings, ReadingSource, train_scan_windows
-from calib_core.settings import CalibrateSettings, ImuNoise
+from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray, InitialGuess, IntArray, Recording
 
 
@@ -66,13 +66,12 @@ def prepare(
         states = initial.initial_states(poses, attitude, timeline.start_s, shared, initial.upright(force), offset_s)
     else:
         states = ImuStates(known.R[timeline.position], known.p[timeline.position], known.v[timeline.position])
-    noise = settings.imu_noise if isinstance(settings.imu_noise, ImuNoise) else None
     return Run(
         front=front,
         timeline=timeline,
         source=_source(imu_s, np.hstack([imu.gyro_rad_s, imu.accel_m_s2]), timeline, offset_s, period_s, options),
         gravity_world=np.array([0.0, 0.0, -settings.gravity.magnitude_m_s2]),
-        range_std_m=(noise.range_std_m if noise is not None else None) or front.range_std_m,
+        range_std_m=settings.range_std_m or front.range_std_m,
         time_offset_s=offset_s,
         state=PaperState(shared, states),
         options=options,

@@ -102,11 +102,13 @@ def _load_open(
         info = replace(info, period_s=parts * cloud_s)
     reading = Reading(recording, settings, decoder, timing, on_event, should_cancel, gathering, scans=scans)
     reading.run(lidar_topic, imu_topic, span)
+    first_read_ns = reading.receive_ns[0]
     raw_imu, set_findings = on_one_clock(
         reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s, settings
     )
     cleaned = clean_imu(raw_imu, settings, imu_topic.name)
     scans.finish()
+    skipped_s = (settings.start_s or 0.0) + (reading.receive_ns[0] - first_read_ns) * 1e-9
     offset_ns = 0
     clock_findings: tuple[Finding, ...] = ()
     if settings.stamps == "header":
@@ -140,4 +142,5 @@ def _load_open(
             *damage_findings(recording, len(scans)),
         ),
         imu_model="" if imu_preset is None else imu_preset.name,
+        skipped_s=skipped_s,
     )

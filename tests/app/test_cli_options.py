@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 from typing import get_args
 
@@ -160,3 +161,20 @@ def test_lasers_are_corrected_only_where_asked(asked: bool, tmp_path: Path, monk
     words = ["deskew", "room.bag", "--calibration", "result.json", "--output", str(tmp_path / "out"), "--quiet"]
     commands.deskew(build_parser().parse_args([*words, *["--correct-lasers"] * asked]))
     assert heard == [asked]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--range-min-m", "-1"], "The option --range-min-m does not fit: Input should be greater than or equal to 0"),
+        (["--range-max-m", "0"], "The option --range-max-m does not fit: Input should be greater than 0"),
+        (
+            ["--range-min-m", "300"],
+            "These options do not fit: expected a least range below the greatest, found 300 to 200 m",
+        ),
+    ],
+)
+def test_ranges_are_lengths_and_in_order(words: list[str], said: str) -> None:
+    """Seen: -1 was squared and left out what is nearer than 1 m. Mutations: any number; either order; "Value error" is said."""
+    with pytest.raises(SettingsError, match=re.escape(said)):
+        options.read_settings(build_parser().parse_args(["inspect", "room.bag", *words]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -31,9 +33,10 @@ def remove(path):
 
 def test_what_was_written_is_read_back(tmp_path):
     """Oracle: the recording itself. Mutation: a header that promises another shape or order."""
-    recording = world.make_recording()
+    recording = replace(world.make_recording(), skipped_s=2.5)
     write_recording(tmp_path / "r", recording)
     again = read_recording(tmp_path / "r")
+    assert again.skipped_s == 2.5
     for before, after in zip(recording.scans, again.scans, strict=True):
         np.testing.assert_array_equal(before.points, after.points)
 

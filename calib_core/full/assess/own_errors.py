@@ -86,7 +86,8 @@ def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
     stamps_ns = imu.stamps_ns
     if result.clock_rate_ppm and ("clock_rate", "rate") in found:
         first_ns = recording.scans[0].stamp_ns if len(recording.scans) else int(stamps_ns[0])
-        since_s = (stamps_ns - first_ns + (result.time_offset_ns or 0)) * 1e-9 - (result.time_offset_at_s or 0.0)
+        holds_at_s = (result.time_offset_at_s or 0.0) - recording.skipped_s
+        since_s = (stamps_ns - first_ns + (result.time_offset_ns or 0)) * 1e-9 - holds_at_s
         stamps_ns = stamps_ns + np.rint(1e3 * result.clock_rate_ppm * since_s).astype(np.int64)
 
     def values(block: Block) -> FloatArray:

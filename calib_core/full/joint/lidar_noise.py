@@ -28,8 +28,11 @@ def measure_noise(
     extents: PlaneExtents | None,
     *,
     stride: int = 1,
+    range_std_m: float | None = None,
 ) -> LidarNoise:
     """Range and surface noise from the spread of distances under different incidences. stride: of every so many-th point.
+
+    range_std_m: along the beam where somebody gives it; what is left is the surface's then.
 
     std^2(d) = range^2 c^2 + surface^2, fitted to robust variances in bands of c^2; neither below 0.1 mm.
     """
@@ -63,7 +66,7 @@ def measure_noise(
             rows.append([float(c2[band == b].mean()), 1.0])
             variances.append(variance)
             weights.append(np.sqrt(len(mine)) / max(variance, 1e-12))
-    return _split_variance(np.array(rows), np.array(variances), np.array(weights), start)
+    return _split_variance(np.array(rows), np.array(variances), np.array(weights), start, range_std_m)
 
 
 #: E[w u^2] / E[w] of a standard normal u under w = (1 - u^2 / 16)^2 within four: by numerical integration.
@@ -112,10 +115,15 @@ def _means(d: FloatArray, plane: IntArray) -> FloatArray:
     return out
 
 
-def _split_variance(rows: FloatArray, variances: FloatArray, weights: FloatArray, start: LidarNoise) -> LidarNoise:
+def _split_variance(
+    rows: FloatArray, variances: FloatArray, weights: FloatArray, start: LidarNoise, range_std_m: float | None
+) -> LidarNoise:
     """Non-negative weighted least squares of variance against [c^2, 1]."""
     if len(rows) == 0:
         return start
+    if range_std_m is not None:
+        left_m2 = float(np.average(variances - range_std_m**2 * rows[:, 0], weights=weights**2))
+        return replace(start, range_std_m=range_std_m, surface_std_m=_told(max(left_m2, 0.0)))
     if len(rows) == 1:
         return replace(start, range_std_m=_told(variances[0] / rows[0, 0]), surface_std_m=MEASURING.least_std_m)
     range_m2, surface_m2 = least_squares_of_two(rows * weights[:, None], variances * weights)

@@ -126,7 +126,8 @@ def measure(data: JointData, state: Estimation, gate: Gate, sampling: Sampling) 
     step = max(1, len(state.positions) // sampling.noise_scans)
     stride = _stride_to(sampling.noise_points, data, state, sampling)
     view, some = present_view(data, state), state.positions[::step]
-    noise = measure_noise(view, some, state.lidar_noise, gate, state.support, stride=stride)
+    given = data.run.settings.range_std_m
+    noise = measure_noise(view, some, state.lidar_noise, gate, state.support, stride=stride, range_std_m=given)
     return replace(state, lidar_noise=noise)
 
 

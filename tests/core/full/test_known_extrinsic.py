@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
-from calib_core.full.known_extrinsic import held_motion, laser_corrector, turning_alone
+from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector, turning_alone
 from calib_core.maps.accumulate import covers
 from calib_core.result import Intrinsic
 from calib_core.settings import CalibrateSettings
@@ -189,3 +189,28 @@ def test_with_the_true_calibration_sweeps_come_out_as_the_true_motion_says(simul
         worst_raw_m = max(worst_raw_m, float(np.sqrt(np.mean(np.sum((scan.points["xyz"] - expected) ** 2, axis=1)))))
     assert worst_raw_m > 0.03
     assert max(errors_m) < 0.003
+
+
+@pytest.mark.parametrize(
+    ("sha256", "rate_ppm", "moved_ns", "std_s"),
+    [("00", 50.0, 1_000_000, 1e-6), ("00", None, 0, 8e-4), ("01", 50.0, 0, 1e-6), ("", 50.0, 0, 1e-6)],
+)
+def test_the_offset_is_held_as_it_is_where_the_motion_is_asked_for(
+    sha256: str, rate_ppm: float | None, moved_ns: int, std_s: float
+) -> None:
+    """Found in the first 20 s of a recording that lasts 60: clocks that are 50 ppm apart have gone a millisecond by its middle.
+
+    Of another recording nobody knows since when. Mutations: as at its own instant; the rate's sign; held where no rate is known.
+    """
+    result = make_result(R_IMU_LIDAR, P_IMU_LIDAR, OFFSET_NS)
+    result = result.model_copy(update={"time_offset_at_s": 12.0, "clock_rate_ppm": rate_ppm})
+    points = np.array([0, 90_000_000]), np.ones((2, 3))
+    scans = [scan_at(5_000_000_000 + second * 1_000_000_000, *points) for second in (0, 30, 60)]
+    imu = ImuData(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+    recording = Recording(name="x", imu=imu, scans=scans, sha256=sha256, skipped_s=2.0)
+    guess, priors = held_calibration(result, recording)
+    assert guess.time_offset_ns == OFFSET_NS + moved_ns
+    (offset,) = [prior for prior in priors if prior.axis == "dt"]
+    assert offset.value == pytest.approx(1e-9 * (OFFSET_NS + moved_ns), abs=1e-12)
+    assert offset.std == pytest.approx(std_s, rel=1e-3)
+    assert held_calibration(result)[0].time_offset_ns == OFFSET_NS

@@ -316,3 +316,12 @@ def test_a_reading_stamped_with_zero_at_either_end_is_no_clock_that_was_set(at: 
     assert "clock.set" not in _said(read)
     assert len(read.imu.stamps_ns) == 599
     assert len(read.scans) == 60
+
+
+def test_what_was_skipped_is_counted_from_the_first_scan_there_is(tmp_path: Path) -> None:
+    """By the span that was asked for, and by a clock that was set. Mutations: 0; the span alone; the clock alone."""
+    assert _spoilt(tmp_path / "a", lambda m: m).skipped_s == 0.0
+    assert _spoilt(tmp_path / "b", lambda m: m, ReadSettings(start_s=2.0)).skipped_s == 2.0
+    set_back = _spoilt(tmp_path / "c", _set_back)
+    assert set_back.skipped_s == pytest.approx(3.7, abs=0.2)
+    assert _spoilt(tmp_path / "d", _set_back, ReadSettings(start_s=1.0)).skipped_s == pytest.approx(3.7, abs=0.2)

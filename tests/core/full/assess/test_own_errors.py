@@ -38,3 +38,24 @@ def test_what_a_filter_smeared_is_sharp_again() -> None:
     np.testing.assert_array_equal(ideal.accel_m_s2, smeared)
     untouched: Any = SimpleNamespace(intrinsics=[], clock_rate_ppm=None)
     assert ideal_readings(recording, untouched) is imu
+
+
+def test_the_clocks_rate_turns_about_the_instant_at_which_the_offset_holds() -> None:
+    """10 s after the recording's start, of which 4 s were not read. Mutations: from the first scan read; the rate's sign."""
+    imu = ImuData(np.array([0, 6, 16]) * 1_000_000_000, np.zeros((3, 3)), np.zeros((3, 3)))
+    scan: Any = SimpleNamespace(stamp_ns=0)
+    recording: Any = SimpleNamespace(imu=imu, scans=(scan,), skipped_s=4.0)
+    unit: Any = "ppm"
+    rate = Intrinsic(
+        block="clock_rate",
+        name="rate",
+        unit=unit,
+        value=50.0,
+        std=1.0,
+        prior_std=40.0,
+        state="estimated",
+        significant=True,
+    )
+    result: Any = SimpleNamespace(intrinsics=[rate], clock_rate_ppm=50.0, time_offset_ns=0, time_offset_at_s=10.0)
+    moved_ns = ideal_readings(recording, result).stamps_ns - imu.stamps_ns
+    assert moved_ns.tolist() == [-300_000, 0, 500_000]

@@ -284,6 +284,20 @@ def test_range_noise_is_measured_as_it_was_simulated(noisy: tuple[Recording, Tru
     assert measured.surface_std_m < 0.004
 
 
+def test_range_noise_that_is_given_is_taken_as_given(noisy: tuple[Recording, Truth]) -> None:
+    """Where it is twice too much nothing is left for the surface; where it is half, the rest is the surface's.
+
+    Mutations: measured all the same; the surface by what was measured beside.
+    """
+    recording, truth = noisy
+    start, true_m = LidarNoise(0.02, 0.005, 60.0), truth.scenario.lidar.range_std_m
+    much = measure_noise(_view(recording, truth), SCANS, start, GATE, None, range_std_m=2.0 * true_m)
+    assert (much.range_std_m, much.surface_std_m) == (2.0 * true_m, pytest.approx(1e-4))
+    little = measure_noise(_view(recording, truth), SCANS, start, GATE, None, range_std_m=0.5 * true_m)
+    assert little.range_std_m == 0.5 * true_m
+    assert 0.4 * true_m < little.surface_std_m < np.sqrt(0.75) * true_m
+
+
 def test_surveyed_cells_are_those_of_the_walls(noisy: tuple[Recording, Truth]) -> None:
     """Fails when cells are counted from another corner of the grid, thirty cells off.
 

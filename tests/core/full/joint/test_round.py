@@ -19,7 +19,7 @@ from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.view import View
-from calib_core.settings import CalibrateSettings
+from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.solver.levenberg import SharedEquations
 from calib_core.types import Scan
 from tests.core.full.joint.conftest import Half
@@ -186,8 +186,11 @@ def test_noise_is_told_by_so_many_points_of_a_scan(half: Half, monkeypatch: pyte
     """Mutations: by all of them; by as many as a coarse round has."""
     asked: list[int] = []
 
-    def measured(_view: View, _some: object, start: LidarNoise, *_: object, stride: int) -> LidarNoise:
+    def measured(
+        _view: View, _some: object, start: LidarNoise, *_: object, stride: int, range_std_m: object
+    ) -> LidarNoise:
         asked.append(stride)
+        assert range_std_m is None
         return start
 
     monkeypatch.setattr(rounds, "measure_noise", measured)
@@ -195,3 +198,14 @@ def test_noise_is_told_by_so_many_points_of_a_scan(half: Half, monkeypatch: pyte
     for most in (typical, typical // 3, typical // 7):
         rounds.measure(half.data, half.state, Gate(), replace(FULL.sampling, noise_points=most))
     assert asked == [1, 3, 7]
+
+
+def test_range_noise_that_somebody_gives_counts(half: Half) -> None:
+    """Seen: `range_std_m` of a noise file was read and forgotten. Mutation: that again."""
+    noise = ImuNoise(
+        gyroscope_noise_density_rad_s_sqrt_hz=1e-4, accelerometer_noise_density_m_s2_sqrt_hz=1e-3, range_std_m=0.05
+    )
+    told = replace(half.data.run, settings=half.data.run.settings.model_copy(update={"imu_noise": noise}))
+    after = rounds.measure(replace(half.data, run=told), half.state, Gate(), FULL.sampling)
+    assert after.lidar_noise.range_std_m == 0.05
+    assert rounds.measure(half.data, half.state, Gate(), FULL.sampling).lidar_noise.range_std_m != 0.05
