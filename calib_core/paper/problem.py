@@ -34,7 +34,6 @@ from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray, IntArray
 
 N_SHARED = 15
-N_CALIBRATION = 13
 _FIRST_ATTITUDE = slice(13, 15)
 
 

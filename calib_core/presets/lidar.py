@@ -13,8 +13,6 @@ from calib_core.presets.records import LidarPreset
 #: within ten. None measures nearer than 5 cm.
 FARTHEST_M, NEAREST_M = 300.0, 0.05
 
-_ARC_0_05_DEG = 8.7e-4
-
 
 def _prior(
     offset_m: float, elevation_rad: float, scale: float, all_m: float = 0.01, incidence_m: float = 0.002
@@ -49,7 +47,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "livox-mid360",
         0.02,
-        2.6e-3,
         _ROSETTE,
         f"integrator page quoting the data sheet; {_UNCONFIRMED}",
         ("mid360", "mid-360", "mid_360"),
@@ -57,7 +54,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "livox-hap",
         0.02,
-        1.7e-3,
         _ROSETTE,
         f"Livox HAP user manual, table 1.2.1: 2 cm at 20 m, 0.1 deg; {_UNCONFIRMED}",
         ("livox_hap", "livox-hap", "livox/hap", "hap_"),
@@ -65,7 +61,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "livox-avia",
         0.02,
-        _ARC_0_05_DEG,
         _ROSETTE,
         f"Livox Avia user manual, 20 m; unconfirmed; {_UNCONFIRMED}",
         ("livox", "avia", "horizon"),
@@ -73,7 +68,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "velodyne-vlp16",
         0.02,
-        _ARC_0_05_DEG,
         _ANALOGUE,
         "start value; the sheet gives 3 cm typical accuracy; lasers measured on public packets and by OA-LICalib",
         ("vlp16", "vlp-16", "vlp_16", "puck"),
@@ -81,7 +75,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "velodyne-vlp32c",
         0.02,
-        _ARC_0_05_DEG,
         _ANALOGUE,
         f"start value; the sheet gives 3 cm typical accuracy; {_UNCONFIRMED}, taken as the VLP-16's",
         ("vlp32", "vlp-32", "vlp_32", "ultra_puck"),
@@ -89,7 +82,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "velodyne-hdl32e",
         0.02,
-        _ARC_0_05_DEG,
         _prior(0.008, 0.0009, 0.002, incidence_m=0.004),
         "start value; the sheet gives 2 cm accuracy; range bias at grazing incidence by Laconte et al., arXiv 1810.01619",
         ("hdl32", "hdl-32", "hdl_32"),
@@ -97,7 +89,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "velodyne-hdl64e",
         0.02,
-        _ARC_0_05_DEG,
         _EARLY_ANALOGUE,
         "start value; the sheet gives 2 cm accuracy; elevations by Deschaud on KITTI",
         ("hdl64", "hdl-64", "hdl_64"),
@@ -105,7 +96,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "velodyne",
         0.02,
-        _ARC_0_05_DEG,
         _ANALOGUE,
         f"start value for any of the maker's; the sheets give 2 to 3 cm typical accuracy; {_UNCONFIRMED}",
         ("velodyne", "vlp", "hdl", "vls"),
@@ -113,7 +103,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "ouster-os0",
         0.015,
-        _ARC_0_05_DEG,
         _prior(0.005, 0.0003, 0.0005, all_m=0.006),
         f"OS0: as the OS1's, angles coarser; unconfirmed; {_UNCONFIRMED}",
         ("os0", "os-0"),
@@ -121,7 +110,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "ouster-os2",
         0.025,
-        _ARC_0_05_DEG,
         _DIGITAL,
         f"OS2: unconfirmed; {_UNCONFIRMED}",
         ("os2", "os-2"),
@@ -129,7 +117,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "ouster-os",
         0.015,
-        _ARC_0_05_DEG,
         _DIGITAL,
         "OS1 data sheet at high signal: 1.5 cm, 0.01 deg, no bias on matt targets; offsets of single beams unconfirmed",
         ("ouster", "os_lidar", "os_sensor", "os1", "os-1"),
@@ -137,7 +124,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "hesai-xt32",
         0.01,
-        _ARC_0_05_DEG,
         _CORRECTED,
         f"PandarXT data sheet: accuracy 1 cm, precision 0.5 cm, unconfirmed; {_UNCONFIRMED}",
         ("xt32", "xt16", "xt-32", "xt-16", "pandarxt"),
@@ -145,7 +131,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "hesai-pandar40",
         0.02,
-        _ARC_0_05_DEG,
         _prior(0.008, 0.0005, 0.0015),
         f"Pandar40, Pandar64, Pandar128 data sheets: accuracy 2 cm, unconfirmed; {_UNCONFIRMED}",
         ("pandar40", "pandar64", "pandar128", "pandarqt"),
@@ -153,7 +138,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "hesai",
         0.01,
-        _ARC_0_05_DEG,
         _prior(0.008, 0.0005, 0.0015),
         f"any of the maker's: the XT's noise; {_UNCONFIRMED}",
         ("hesai", "pandar"),
@@ -161,7 +145,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "robosense-16",
         0.02,
-        _ARC_0_05_DEG,
         _prior(0.01, 0.0009, 0.002, incidence_m=0.004),
         "RS-LiDAR-16 manual: accuracy 2 cm, unconfirmed; range bias at grazing incidence by Laconte et al., arXiv 1810.01619",
         ("rs16", "rs-16", "rs_16", "rslidar-16", "rs-lidar-16"),
@@ -169,7 +152,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "robosense-32",
         0.03,
-        _ARC_0_05_DEG,
         _prior(0.01, 0.0009, 0.002),
         f"RS-LiDAR-32 manual: accuracy 3 cm, unconfirmed; {_UNCONFIRMED}",
         ("rs32", "rs-32", "rs_32", "rslidar-32", "rs-lidar-32"),
@@ -177,7 +159,6 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "robosense-bpearl",
         0.03,
-        _ARC_0_05_DEG,
         _prior(0.01, 0.0009, 0.002),
         f"RS-Bpearl manual: accuracy 3 cm, unconfirmed; {_UNCONFIRMED}",
         ("bpearl", "rsbp", "rs-bp"),
@@ -185,10 +166,9 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
     LidarPreset(
         "robosense",
         0.03,
-        _ARC_0_05_DEG,
         _prior(0.01, 0.0009, 0.002),
         f"Airy and Helios; unconfirmed; {_UNCONFIRMED}",
         ("rslidar", "robosense", "airy", "helios"),
     ),
 )
-GENERIC_LIDAR = LidarPreset("generic-lidar", 0.03, _ARC_0_05_DEG, UNKNOWN_LIDAR, "middle of common sensors", ())
+GENERIC_LIDAR = LidarPreset("generic-lidar", 0.03, UNKNOWN_LIDAR, "middle of common sensors", ())

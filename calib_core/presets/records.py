@@ -27,11 +27,10 @@ class ImuPreset:
 
 @dataclass(frozen=True, slots=True)
 class LidarPreset:
-    """One lidar: standard deviation of a range, and of a bearing where it matters; the prior of what its lasers do."""
+    """One lidar: standard deviation of a range, and the prior of what its lasers do."""
 
     name: str
     range_std_m: float
-    bearing_std_rad: float
     prior: LidarPrior
     source: str
     words: tuple[str, ...]

@@ -34,20 +34,34 @@ def sources(package: str) -> dict[str, str]:
 
 
 def unused(files: dict[str, str]) -> list[str]:
-    """Functions and classes at the top of a file whose name stands nowhere but where they are made.
+    """Functions, classes and constants at the top of a file, and fields of a record, whose name stands nowhere but where they are
+    made.
 
     What a decorator hands to a framework is used by it.
     """
     words = Counter(word for source in files.values() for word in re.findall(r"\w+", source))
     return [
-        f"{path}: {node.name}"
+        f"{path}: {name}"
         for path, source in files.items()
         for node in ast.parse(source).body
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-        and not node.decorator_list
-        and node.name not in ALLOWED
-        and words[node.name] == 1
+        for name in made_by(node)
+        if name not in ALLOWED and words[name] == 1
     ]
+
+
+def made_by(node: ast.stmt) -> list[str]:
+    """The names that a statement at the top of a file makes, and that somebody should want."""
+    if isinstance(node, ast.Assign | ast.AnnAssign):
+        targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+        return [name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name)]
+    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        return []
+    if not node.decorator_list:
+        return [node.name]
+    if isinstance(node, ast.ClassDef) and any("dataclass" in ast.unparse(each) for each in node.decorator_list):
+        fields = (each.target for each in node.body if isinstance(each, ast.AnnAssign))
+        return [node.name, *(field.id for field in fields if isinstance(field, ast.Name))]
+    return []
 
 
 def test_every_function_is_called_somewhere() -> None:
@@ -57,9 +71,11 @@ def test_every_function_is_called_somewhere() -> None:
 
 
 def test_a_function_that_nobody_calls_is_seen() -> None:
-    """Mutations: look at classes only; take a use in another file for none."""
-    files = {"a.py": "def one(): ...\nclass Two: ...\n@route\ndef three(): ...\n", "b.py": "from a import Two\n"}
-    assert unused(files) == ["a.py: one"]
+    """Mutations: look at classes only; take a use in another file for none; constants, or fields, are not looked at."""
+    a = "def one(): ...\nclass Two: ...\n@route\ndef three(): ...\nFOUR, FIVE = 4, 5\nSIX: int = FIVE\n"
+    record = "@dataclass(frozen=True)\nclass Seven:\n    eight: int\n    nine: int\n"
+    files = {"a.py": a, "b.py": "from a import Two\nSeven(nine=1)\n", "c.py": record}
+    assert unused(files) == ["a.py: one", "a.py: FOUR", "a.py: SIX", "c.py: eight"]
 
 
 def test_pools_are_made_once_a_process_or_once_a_recording() -> None:

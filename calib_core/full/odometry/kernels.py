@@ -13,8 +13,8 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Points whose products are laid in rows before these are added up: all of it stays in the nearest cache.
 BLOCK = 32
-#: Numbers of an upper triangle of (6, 6), and of a row that holds one: whole registers.
-_TRIANGLE, _ROW = 21, 24
+#: Numbers of a row that holds an upper triangle of (6, 6), 21 of them: whole registers.
+_ROW = 24
 
 
 class Surfaces(NamedTuple):

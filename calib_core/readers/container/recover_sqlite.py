@@ -59,12 +59,16 @@ class SqliteRecovery:
         high = (1 << 63) - 1 if stop_ns is None else stop_ns
         wanted = {i: s.name for i, s in self._names.items() if s.name in topics}
         query = "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
+        last_ns = self.start_ns
         try:
             for topic_id, time_ns, payload in self._database.execute(query):
+                last_ns = int(time_ns)
                 if topic_id in wanted and low <= time_ns < high:
                     yield RawMessage(wanted[topic_id], int(time_ns), unpacked(bytes(payload)))
-        except (sqlite3.Error, TypeError, ValueError):
-            return  # already reported when the file was opened
+        except (sqlite3.Error, TypeError, ValueError) as error:
+            # On opening, stamps alone were read: what pages of points lack shows here.
+            if not self.damages:
+                self.damages.append(Damage(self._path.name, f"cut or damaged ({error})", "cut", last_ns))
 
     def close(self) -> None:
         self._database.close()

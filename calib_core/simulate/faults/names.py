@@ -75,7 +75,6 @@ FAULTS: dict[str, Kind] = {
     "glass": Kind("m", "a window of this width lets the lidar see past a wall"),
 }
 
-_OFFSETS_AND_ANGLES = "laser-offsets", "laser-angles"
 _DEG = math.pi / 180.0
 #: Names that stand for several faults, all drawn. industrial: a VLP-16 as shipped with an individually calibrated IMU (MTi
 #: class, 0.03 to 0.1 %).   consumer: lasers as bad as published ones, an IMU as bad as the data sheets of the ICM-20948 and

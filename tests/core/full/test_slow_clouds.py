@@ -38,3 +38,6 @@ def test_sweeps_of_which_turns_tell_nothing_are_not_called_straightened() -> Non
     raw = RotationStart(0.0, np.eye(3), np.zeros(3), 0.08, 0.99, None)
     run: Any = None
     _require_measured_points(run, raw, [])
+    bent = replace(raw, residual=1.0)
+    with pytest.raises(AttributeError):  # one that is told of goes on to ask the recording
+        _require_measured_points(run, raw, [bent])

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import resource
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +13,7 @@ import pytest
 
 from calib_core.errors import InputError, UnreadableRecording
 from calib_core.readers.container.opening import open_recording
+from calib_core.readers.container.recover_sqlite import SqliteRecovery
 from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
 from calib_core.types import Recording
@@ -182,3 +185,30 @@ def test_damage_that_once_ended_the_program(name: str, seeds: tuple[int, ...], t
     intact = damage.recording(tmp_path, name, n_scans=24, n_columns=30).read_bytes()
     tally = damage.run(name, ((f"seed {s}", damage.flipped(intact, s)) for s in seeds), tmp_path)
     assert not tally.defects
+
+
+def test_a_page_of_points_that_cannot_be_read_is_said(tmp_path: Path) -> None:
+    """On opening stamps alone are read, and they lie elsewhere. Mutations: nothing is said; said once more on every pass."""
+    path = tmp_path / "pages.db3"
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("PRAGMA page_size=1024")
+        database.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name TEXT, type TEXT)")
+        database.execute(
+            "CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id INTEGER, timestamp INTEGER, data BLOB)"
+        )
+        database.execute("INSERT INTO topics VALUES(1, '/points', 'sensor_msgs/msg/PointCloud2')")
+        for k in range(30):
+            database.execute("INSERT INTO messages VALUES(?, 1, ?, ?)", (k, 10 * k, bytes([65 + k]) * 5000))
+    whole = bytearray(path.read_bytes())
+    page = whole.index(bytes([65 + 20]) * 1000) // 1024 + 1  # overflow of the message at 200
+    whole[page * 1024 : page * 1024 + 4] = b"\x7f\xff\xff\xff"  # the next page lies nowhere
+    path.write_bytes(whole)
+
+    recovery = SqliteRecovery(path, "why")
+    assert recovery.damages == []
+    read = [message.receive_ns for message in recovery.messages(["/points"], None, None)]
+    assert len(read) in {19, 20, 21}
+    assert read == [10 * k for k in range(len(read))]
+    list(recovery.messages(["/points"], None, None))
+    ((file, kind, since_ns),) = [(d.file, d.kind, d.lost_from_ns) for d in recovery.damages]
+    assert (file, kind, since_ns) == ("pages.db3", "cut", read[-1])
