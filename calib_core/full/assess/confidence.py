@@ -80,6 +80,7 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     apart = take_apart(problem, estimate, by_laser(solved), eliminated=solved.shared.kept)
     found = tuple(disagreements(apart, stated))
     beyond = together([each for each in found if each.is_beyond_noise], stated + added)
+    added = added + shape_covariance(run, solved.state.shape_shift, stated + added + beyond)
     contradicted = contradictions(
         priors.rows[CALIBRATION:],
         priors.calibration_vector(estimate),
@@ -102,6 +103,25 @@ def confidence(run: Run, solved: Solved) -> Confidence:
         _say_steps(run, knowledge)
     unexplained = _sensors_unexplained(run, solved, found) if considered is None else np.zeros(sensors.size)
     return Confidence(knowledge, considered, found, apart, tuple(contradicted), unexplained)
+
+
+def shape_covariance(run: Run, shift: FloatArray, stated: FloatArray) -> FloatArray:
+    """(7, 7), scaled units, of what shapes of planes that could not be estimated along may do to the answer: one standard
+    deviation is as far as it went with them. Says so where that is as much as is stated in any direction.
+
+    shift: (7,) [rad, m, s].   stated: (7, 7), scaled units, without it.
+    """
+    scaled = shift / UNITS
+    if scaled @ np.linalg.lstsq(stated, scaled, rcond=None)[0] >= 1.0:
+        turned_deg, moved_mm = np.degrees(np.linalg.norm(shift[:3])), 1e3 * np.linalg.norm(shift[3:6])
+        run.say(
+            "warning",
+            "planes.shape",
+            "planes are off flat, and their shape could not be estimated along, as it did not come to rest; the answer went by "
+            f"{turned_deg:.2g} deg and {moved_mm:.2g} mm with it, and the error bars are widened by that; choose planes that are "
+            "flat and stand still, or record where there are such",
+        )
+    return np.outer(scaled, scaled)
 
 
 def _sensors_unexplained(run: Run, solved: Solved, found: Sequence[Disagreement]) -> FloatArray:

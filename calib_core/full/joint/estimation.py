@@ -16,7 +16,7 @@ from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import clock_rate_ppm
 from calib_core.full.joint.settings import CHAIN
-from calib_core.full.joint.state import BiasNodes, Estimate
+from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate
 from calib_core.full.joint.view import View
 from calib_core.full.planes.standing import Fault
 from calib_core.full.prepare.nuisance import LATE, Nuisance
@@ -134,7 +134,8 @@ class Estimation:
     play, ascending.   nuisance: the sensors' own parameters in play, none before they are admitted.   support: the cells
     that each plane is known to fill.   observations: points given to planes, None where they have to be given anew.
     minimum: where the last round ended.   rounds, iterations: how many there were.   untuned: what pulls at the readings has
-    shown to be no tone (tones.py), and none is looked for any more.
+    shown to be no tone (tones.py), and none is looked for any more.   shape_shift: (7,) by how much the calibration went with the
+    shapes of planes, where these could not be estimated along (surface.py): turns about the lidar's axes [rad], metres, seconds.
     """
 
     estimate: Estimate
@@ -149,6 +150,7 @@ class Estimation:
     rounds: int = 0
     iterations: int = 0
     untuned: bool = False
+    shape_shift: FloatArray = field(default_factory=lambda: np.zeros(CALIBRATION))
 
     @property
     def knots(self) -> int:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -31,9 +32,19 @@ _SLANTWISE = np.array(0.5)
 Judge = Callable[[Estimation], Estimation]
 
 
+class Near(NamedTuple):
+    """How near to rest a state is. rests: whether it is there, or on the way.   moved: by how much its round moved points, in
+    standard deviations of one of them.
+    """
+
+    state: Estimation
+    rests: bool
+    moved: float
+
+
 def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> Estimation:
     """With a part of the points, as near to rest as they come."""
-    return near_rest(data, state, settling, sampling)[0]
+    return near_rest(data, state, settling, sampling).state
 
 
 def near_rest(
@@ -44,7 +55,7 @@ def near_rest(
     judge: Judge | None = None,
     turns: int = 0,
     soon: int | None = None,
-) -> tuple[Estimation, bool]:
+) -> Near:
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
     So do those that still move them by much after `soon` rounds, where that is asked for.
 
@@ -104,14 +115,15 @@ def near_rest(
         found, last = (state.support.inside, state.lidar_noise), surveyed
         both = None if last is None or not is_same(found, last, settling, gate) else found[0] & last[0]
         if rests(moves[-1], settling, led_about=led_about, same=both is not None):
-            return state if both is None else with_cells(state, both), True
+            return Near(state if both is None else with_cells(state, both), rests=True, moved=moves[-1])
         surveyed = found
         if moves[-1] == min(moves):
             stillest = state.without_points()
         if goes_away(moves, settling) or (len(moves) == soon and moves[-1] >= settling.judged):
             stillest = replace(stillest, rounds=state.rounds, iterations=state.iterations)
-            return associate(data, stillest, gate, stride=coarse_stride(data, stillest, sampling)), False
-    return state, True
+            stillest = associate(data, stillest, gate, stride=coarse_stride(data, stillest, sampling))
+            return Near(stillest, rests=False, moved=min(moves))
+    return Near(state, rests=True, moved=moves[-1] if moves else 0.0)
 
 
 def with_cells(state: Estimation, inside: BoolArray) -> Estimation:

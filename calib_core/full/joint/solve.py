@@ -28,7 +28,14 @@ from calib_core.full.joint.round import one_round, released, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.settle import alternate, near_rest, settle
-from calib_core.full.joint.surface import admit_surface, is_bent_wall, is_rough, say_uneven, unevenness_m
+from calib_core.full.joint.surface import (
+    admit_surface,
+    is_bent_wall,
+    is_rough,
+    say_uneven,
+    shape_shift,
+    unevenness_m,
+)
 from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones
 from calib_core.full.joint.walks import say_walks, with_walks_told
 from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
@@ -221,7 +228,7 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
         state = settle(data, state, schedule.settling, schedule.sampling)
     else:
         judge = partial(without_doubtful, data, schedule=schedule)
-        state, _ = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns)
+        state = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns).state
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     wandering = with_walks_told(data, state)
     if wandering is not state:
@@ -234,9 +241,11 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     if uneven is state:
         return state
     soon, state = schedule.surfaces.rounds, state.without_points()
-    bent, rests = near_rest(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling, soon=soon)
-    if not (rests and is_bent_wall(bent, schedule.surfaces)):
-        return replace(state, rounds=bent.rounds, iterations=bent.iterations)
+    near = near_rest(data.portion(1.0, 1.0), uneven, schedule.settling, schedule.sampling, soon=soon)
+    bent = near.state
+    if not (near.rests and is_bent_wall(bent, schedule.surfaces)):
+        shift = shape_shift(state, near, schedule.settling, schedule.surfaces)
+        return replace(state, rounds=bent.rounds, iterations=bent.iterations, shape_shift=shift)
     bent = with_rough_surface(data, bent, schedule)
     say_uneven(data, bent, schedule.surfaces)
     return bent
@@ -254,7 +263,7 @@ def with_rough_surface(data: JointData, state: Estimation, schedule: Schedule) -
         return state
     nuisance = state.nuisance.with_surface(surface, unevenness_m(state), rules.alike_m)
     wider = state.with_nuisance(nuisance, state.estimate.nuisance).without_points()
-    rough, _ = near_rest(data.portion(1.0, 1.0), wider, schedule.settling, schedule.sampling, soon=rules.rounds)
+    rough = near_rest(data.portion(1.0, 1.0), wider, schedule.settling, schedule.sampling, soon=rules.rounds).state
     if is_bent_wall(rough, rules):
         return rough
     return replace(state, rounds=rough.rounds, iterations=rough.iterations)

@@ -11,10 +11,13 @@ from calib_core.factors.patches import SurfacePatches, patches_of
 from calib_core.full.joint.doubt import plane_doubts
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.many_scans import over_batches
-from calib_core.full.joint.policies import Sampling, Surfaces
+from calib_core.full.joint.policies import Sampling, Settling, Surfaces
 from calib_core.full.joint.present import present_view
 from calib_core.full.joint.round import coarse_stride, gate_of, gathered
+from calib_core.full.joint.settle import Near
+from calib_core.full.joint.state import CALIBRATION
 from calib_core.full.prepare.nuisance import SURFACE
+from calib_core.geometry import log
 from calib_core.types import FloatArray, IntArray
 
 
@@ -43,6 +46,19 @@ def is_bent_wall(state: Estimation, rules: Surfaces) -> bool:
     takes in more the farther it goes."""
     heights = state.nuisance.values(state.estimate.nuisance, SURFACE)
     return bool(np.abs(heights).max(initial=0.0) < rules.most_sigmas * rules.height_std_m)
+
+
+def shape_shift(flat: Estimation, near: Near, settling: Settling, rules: Surfaces) -> FloatArray:
+    """(7,) by how much the calibration has gone, from planes taken as flat to where heights came nearest to a rest that they did
+    not find: turns about the lidar's axes [rad], metres, seconds. Zero where that is no wall's shape, or nowhere near rest.
+
+    One plane of a few whose cells come and go leaves all shapes without rest, and the answer with what taking them for flat does.
+    """
+    if not is_bent_wall(near.state, rules) or near.moved >= settling.judged:
+        return np.zeros(CALIBRATION)
+    before, after = flat.estimate, near.state.estimate
+    turn = log(before.R_imu_lidar.T @ after.R_imu_lidar)
+    return np.array([*turn, *(after.p_imu_lidar - before.p_imu_lidar), after.time_offset_s - before.time_offset_s])
 
 
 def unevenness_m(state: Estimation) -> float:

@@ -996,7 +996,7 @@ export interface components {
             status: "calibrated" | "weak" | "refused";
             /**
              * Time Offset At S
-             * @description lidar time, seconds after the first scan, at which time_offset_s holds
+             * @description lidar time, seconds from the recording's start, at which time_offset_s holds
              */
             time_offset_at_s?: number | null;
             /** Time Offset Ns */

@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from calib_core.full.assess.confidence import is_torn
+from calib_core.calibrate import calibrate
+from calib_core.full.assess.confidence import is_torn, shape_covariance
 from calib_core.full.assess.disagreement import Disagreement
+from calib_core.full.joint import solve
+from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.settings import CalibrateSettings
+from calib_core.simulate import generate
+from calib_core.types import FloatArray
 
 
 @pytest.mark.parametrize(
@@ -17,3 +27,46 @@ def test_time_that_contradicts_itself(name: str, ratio: float, excess: float, to
     """Mutations: places on bent walls, too; whatever the ratio; what is within what noise allows."""
     calm = Disagreement("range", 1.1, np.zeros((7, 7)))
     assert is_torn([calm, Disagreement(name, ratio, excess * np.eye(7))]) is torn
+
+
+@pytest.mark.parametrize(
+    ("sigmas", "said"), [(0.0, ""), (0.5, ""), (0.8, "0.04 deg and 1.6 mm"), (3.0, "0.15 deg and 6 mm")]
+)
+def test_shapes_that_did_not_rest_widen_error_bars_by_what_they_did(sigmas: float, said: str) -> None:
+    """In the units of the covariance, 1 deg, 10 mm and 1 ms. Mutations: metres as they are; said of next to nothing; against one
+    axis where two go together.
+    """
+    heard: list[tuple[str, str]] = []
+    run: Any = SimpleNamespace(say=lambda _, code, text: heard.append((code, text)))
+    shift = sigmas * np.array([np.radians(0.05), 0.0, 0.0, 0.0, 2e-3, 0.0, 1e-5])
+    # 0.1 deg and 4 mm, which go the one with the other's opposite: together they are as unlikely as three of either.
+    stated = np.diag([0.01, 0.01, 0.01, 0.16, 0.16, 0.16, 1e-4])
+    stated[0, 4] = stated[4, 0] = -0.6 * 0.1 * 0.4
+    added = shape_covariance(run, shift, stated)
+    scaled = sigmas * np.array([0.05, 0.0, 0.0, 0.0, 0.2, 0.0, 0.01])
+    np.testing.assert_allclose(added, np.outer(scaled, scaled), atol=1e-12)
+    assert [code for code, _ in heard] == ["planes.shape"] * bool(said)
+    assert all(said in text for _, text in heard)
+
+
+def test_a_result_counts_what_shapes_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Beside all else. Mutation: said, and not counted."""
+    shift = np.array([1e-3, 0.0, 0.0, 0.0, 8e-3, 0.0, 0.0])
+    recording, _ = generate("handheld", seed=3, duration_s=6.0)
+    finished = solve.finished
+
+    def shifted(data: JointData, state: Estimation, *rest: Any) -> Solved:
+        return finished(data, replace(state, shape_shift=shift), *rest)
+
+    def covariance() -> FloatArray:
+        result = calibrate(recording, CalibrateSettings(intrinsics="off", crispness=False)).result
+        assert result.uncertainty is not None
+        return np.array(result.uncertainty.covariance)
+
+    before = covariance()
+    monkeypatch.setattr(solve, "finished", shifted)
+    added = covariance() - before
+    assert added[0, 0] == pytest.approx(shift[0] ** 2, rel=0.02)
+    assert added[4, 4] == pytest.approx(shift[4] ** 2, rel=0.02)
+    assert added[0, 4] == pytest.approx(shift[0] * shift[4], rel=0.02)
+    assert abs(added[3, 3]) < 1e-3 * before[3, 3]

@@ -39,7 +39,7 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
     bent: list[list[float]] = []
     near_rest = settle.near_rest
 
-    def counted(data: JointData, state: Estimation, *rest: Any, **more: Any) -> tuple[Estimation, bool]:
+    def counted(data: JointData, state: Estimation, *rest: Any, **more: Any) -> settle.Near:
         begin = len(moves)
         found = near_rest(data, state, *rest, **more)
         if state.nuisance.patches:

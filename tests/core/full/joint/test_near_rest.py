@@ -86,7 +86,7 @@ def test_a_few_cells_that_come_and_go_while_nothing_moves_are_left_out(monkeypat
         return 0.02 if len(steps) < 3 else 2e-4
 
     data, first = _rounds_of(monkeypatch, moved, survey=surveyed)
-    state, rests = settling.near_rest(data, first, Settling(), Sampling())
+    state, rests, _ = settling.near_rest(data, first, Settling(), Sampling())
     assert rests
     assert len(steps) == 3
     assert state.support is not None
@@ -333,7 +333,7 @@ def test_rounds_that_go_away_end_with_points_given_where_they_moved_least(monkey
         return replace(state, observations=given[-1][1])
 
     data, start = _rounds_of(monkeypatch, lambda *_: next(moves), associate=associate, descend=_gone_on)
-    after, rests = settling.near_rest(data, _Pointed(0.0, start.support), Settling(), Sampling())
+    after, rests, _ = settling.near_rest(data, _Pointed(0.0, start.support), Settling(), Sampling())
     assert not rests
     assert after.estimate == 2.0
     assert given[-1] == (2.0, after.observations)

@@ -12,7 +12,9 @@ from calib_core.factors.patches import patches_of
 from calib_core.full.joint import solve, surface
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.settle import Near
 from calib_core.full.prepare.nuisance import SURFACE
+from calib_core.geometry import exp
 from tests.core.full.joint.conftest import Half
 
 RULES = FULL.surfaces
@@ -33,9 +35,9 @@ def test_heights_far_beyond_a_walls_may_be_as_large_as_they_are(
     """Mutations: heights of any size; the prior as it was; that of walls beside the new one."""
     asked: list[Estimation] = []
 
-    def rests(_: Any, state: Estimation, *__: Any, **___: Any) -> tuple[Estimation, bool]:
+    def rests(_: Any, state: Estimation, *__: Any, **___: Any) -> Near:
         asked.append(state)
-        return replace(state, rounds=state.rounds + 2), True
+        return Near(replace(state, rounds=state.rounds + 2), rests=True, moved=0.0)
 
     monkeypatch.setattr(solve, "near_rest", rests)
     state = _off_flat(half, 1e-3 * by_mm)
@@ -55,9 +57,9 @@ def test_what_goes_on_to_be_another_surface_stays_as_it_was(
 ) -> None:
     """And what hardly comes to rest is taken. Mutations: taken all the same; only what rests; its rounds not counted."""
 
-    def ends(_: Any, state: Estimation, *__: Any, **___: Any) -> tuple[Estimation, bool]:
+    def ends(_: Any, state: Estimation, *__: Any, **___: Any) -> Near:
         moved = replace(state.estimate, nuisance=state.estimate.nuisance + farther_m)
-        return replace(state, estimate=moved, rounds=9), farther_m > 0.0
+        return Near(replace(state, estimate=moved, rounds=9), rests=farther_m > 0.0, moved=0.0)
 
     monkeypatch.setattr(solve, "near_rest", ends)
     state = _off_flat(half, 0.012)
@@ -79,3 +81,40 @@ def test_a_person_is_warned_of_what_no_wall_is(
     ((told, code, text),) = said
     assert (told, code) == (level, "planes.uneven")
     assert words in text
+
+
+TURN_RAD, MOVE_M, LATER_S = np.array([0.002, 0.0, -0.001]), np.array([0.006, -0.002, 0.0]), 1e-5
+
+
+@pytest.mark.parametrize(
+    ("by_m", "moved", "rests", "counts"),
+    [(0.012, 0.05, False, True), (0.012, 0.3, False, False), (0.2, 0.05, False, False), (0.2, 0.05, True, False)],
+)
+def test_how_far_the_answer_went_with_shapes_that_did_not_rest_is_kept(
+    half: Half, monkeypatch: pytest.MonkeyPatch, by_m: float, moved: float, rests: bool, counts: bool
+) -> None:
+    """The state itself stays as it was. Seen: a street's ground, off flat by a centimetre, put the answer 3.6 sigmas off.
+
+    Mutations: nowhere near rest, too; what no wall is, too; before less after; the frame of the turn; forgotten.
+    """
+    bent = _off_flat(half, by_m)
+    e = bent.estimate
+    there = replace(
+        e,
+        R_imu_lidar=e.R_imu_lidar @ exp(TURN_RAD),
+        p_imu_lidar=e.p_imu_lidar + MOVE_M,
+        time_offset_s=e.time_offset_s + LATER_S,
+    )
+    near = Near(replace(bent, estimate=there, rounds=9), rests=rests, moved=moved)
+    flat = half.state
+    monkeypatch.setattr(solve, "admit_surface", lambda *_: bent)
+    for step in ("settle_with_tones", "settle", "with_walks_told", "settle_without_doubtful"):
+        monkeypatch.setattr(solve, step, lambda _, state, *__: state)
+    monkeypatch.setattr(
+        solve, "near_rest", lambda _, state, *__, **___: near if state is bent else Near(flat, True, 0.0)
+    )
+    after = solve.settled(half.data, flat, FULL)
+    assert after.estimate is flat.estimate
+    assert after.rounds == 9
+    expected = np.array([*TURN_RAD, *MOVE_M, LATER_S]) if counts else np.zeros(7)
+    np.testing.assert_allclose(after.shape_shift, expected, atol=1e-12)
