@@ -6,7 +6,7 @@ That place depends on the recording alone, not on the start values: what follows
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -59,71 +59,123 @@ def near_rest(
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
     So do those that still move them by much after `soon` rounds, where that is asked for.
 
+    judge: asked as soon as rounds hardly move, or cease to move less, and once more of what stays; from what it leaves, all
+    begins anew.   turns: most times that it does.
+    """
+    found = _rounds_to_rest(data, state, settling, sampling, judge if turns > 0 else None, soon)
+    while not isinstance(found, Near):
+        turns -= 1
+        found = _rounds_to_rest(data, found, settling, sampling, judge if turns > 0 else None, soon)
+    return found
+
+
+def _rounds_to_rest(
+    data: JointData, state: Estimation, settling: Settling, sampling: Sampling, judge: Judge | None, soon: int | None
+) -> Near | Estimation:
+    """How near to rest they come; or, as soon as the judge condemns something, what it leaves."""
+    history, shared = History(), SharedEquations()
+    stillest, doubted = state.without_points(), None
+    for _ in range(settling.rounds):
+        free = not history.holds_cells
+        # Points as they were given before, and what was gathered of them, would be there beside the new ones.
+        state = state.without_points()
+        state, gate = _round_towards_rest(data, state, history, settling, sampling, shared)
+        moved = history.moves[-1]
+        if free and history.holds_cells:
+            judge = judge or doubted
+        if judge is not None and (moved < settling.judged or stalls(history.moves, settling)):
+            left = _left_by(judge, state)
+            if left is not None:
+                return left
+            if moved < settling.judged:
+                judge, doubted = None, judge
+        same = history.same_cells(state, settling, gate)
+        if rests(moved, settling, led_about=history.led_about, same=same is not None):
+            return Near(state if same is None else with_cells(state, same), rests=True, moved=moved)
+        if moved == min(history.moves):
+            stillest = state.without_points()
+        is_late = len(history.moves) == soon and moved >= settling.judged
+        if is_late or goes_away(history.moves, settling):
+            stillest = replace(stillest, rounds=state.rounds, iterations=state.iterations)
+            stillest = associate(data, stillest, gate, stride=coarse_stride(data, stillest, sampling))
+            return Near(stillest, rests=False, moved=min(history.moves))
+    return Near(state, rests=True, moved=history.moves[-1])
+
+
+def _round_towards_rest(
+    data: JointData,
+    state: Estimation,
+    history: History,
+    settling: Settling,
+    sampling: Sampling,
+    shared: SharedEquations,
+) -> tuple[Estimation, Gate]:
+    """Planes surveyed and noise measured where they are not held, points given anew, one step of the descent; and their gate."""
+    if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
+        state = anchored(data, state)
+    learning = gate_of(state, settling.learning_m, sampling)
+    if not history.holds_cells:
+        state = history.surveyed(survey(data, state, learning, sampling), settling)
+    if not (history.led_about or noise_swings(history.noises, settling.still / learning.sigmas)):
+        state = measure(data, state, learning, sampling)
+        history.noises.append(state.lidar_noise)
+    gate = gate_of(state, settling.settling_m, sampling)
+    part = _nearer(data, len(history.moves), WATCHING.settling_round)
+    state = associate(part, state, gate, stride=coarse_stride(data, state, sampling))
+    before = state.estimate
+    # A single step: what another one would add, the next round's first step does.
+    state, problem = descend(data, state, iterations=1, tolerance=settling.least_decrease, shared=shared, roughly=True)
+    history.moves.append(moved_in_gate(problem, before, state.estimate))
+    return state, gate
+
+
+def _left_by(judge: Judge, state: Estimation) -> Estimation | None:
+    """What a judge leaves of it, points to be given anew; None where it condemns nothing."""
+    left = judge(state)
+    return None if left is state else left.without_points()
+
+
+@dataclass
+class History:
+    """What rounds on the way to rest have found, one after the other.
+
     A cell whose own points move the planes just enough to put it out, and in again without them, would swing for ever: it
     stays out. So would a noise that goes to and fro between two values: the last one stays. Where both lead each other about
     and rounds come no nearer to rest, what all of the last surveys have seen stays, and the noise. A few cells that come and
-    go while nothing moves stay out, and all is at rest.   judge: asked as soon as
-    rounds hardly move, or cease to move less, and once more of what stays; from what it leaves, all begins anew.   turns: most
-    times that it does.
+    go while nothing moves stay out, and all is at rest.
+
+    cells: of each survey.   noises: of each measurement.   moves: by how much each round moved points.   led_about: by cells and
+    noise, which are held from then on.   last: cells and noise of the round before.
     """
-    cells: list[BoolArray] = []
-    noises: list[LidarNoise] = []
-    moves: list[float] = []
-    stillest = state.without_points()
-    surveyed: tuple[BoolArray, LidarNoise] | None = None
-    led_about, doubted = False, None
-    problem: JointProblem | None = None
-    shared = SharedEquations()
-    for k in range(settling.rounds):
-        # Points as they were given before, and what was gathered of them, would be there beside the new ones.
-        state, problem = state.without_points(), None
-        if data.run.settings.estimate_planes:  # otherwise the frame is that of the planes given
-            state = anchored(data, state)
-        learning = gate_of(state, settling.learning_m, sampling)
-        if not (led_about or swings(cells)):
-            state = survey(data, state, learning, sampling)
-            assert state.support is not None
-            cells.append(state.support.inside)
-            led_about = wanders(moves, settling)
-            if led_about or swings(cells):
-                seen = cells[-DOUBTING.wandering - 1 :] if led_about else cells[-2:]
-                state = with_cells(state, np.all(seen, axis=0))
-                judge = judge or doubted
-        if not (led_about or noise_swings(noises, settling.still / learning.sigmas)):
-            state = measure(data, state, learning, sampling)
-            noises.append(state.lidar_noise)
-        gate = gate_of(state, settling.settling_m, sampling)
-        state = associate(
-            _nearer(data, k, WATCHING.settling_round), state, gate, stride=coarse_stride(data, state, sampling)
-        )
-        before = state.estimate
-        # A single step: what another one would add, the next round's first step does.
-        state, problem = descend(
-            data, state, iterations=1, tolerance=settling.least_decrease, shared=shared, roughly=True
-        )
-        moves.append(moved_in_gate(problem, before, state.estimate))
-        if judge is not None and turns > 0 and (moves[-1] < settling.judged or stalls(moves, settling)):
-            problem = None
-            left = judge(state)
-            if left is not state:
-                state = stillest = left = left.without_points()
-                return near_rest(data, left, settling, sampling, judge, turns - 1)
-            del left  # the same state: it would hold its points on into the next round
-            if moves[-1] < settling.judged:
-                judge, doubted = None, judge
+
+    cells: list[BoolArray] = field(default_factory=list)
+    noises: list[LidarNoise] = field(default_factory=list)
+    moves: list[float] = field(default_factory=list)
+    led_about: bool = False
+    last: tuple[BoolArray, LidarNoise] | None = None
+
+    @property
+    def holds_cells(self) -> bool:
+        """Whether planes are surveyed no more."""
+        return self.led_about or swings(self.cells)
+
+    def surveyed(self, state: Estimation, settling: Settling) -> Estimation:
+        """After a survey; with the cells that are held from then on where they have begun to swing, or to lead about."""
         assert state.support is not None
-        found, last = (state.support.inside, state.lidar_noise), surveyed
-        both = None if last is None or not is_same(found, last, settling, gate) else found[0] & last[0]
-        if rests(moves[-1], settling, led_about=led_about, same=both is not None):
-            return Near(state if both is None else with_cells(state, both), rests=True, moved=moves[-1])
-        surveyed = found
-        if moves[-1] == min(moves):
-            stillest = state.without_points()
-        if goes_away(moves, settling) or (len(moves) == soon and moves[-1] >= settling.judged):
-            stillest = replace(stillest, rounds=state.rounds, iterations=state.iterations)
-            stillest = associate(data, stillest, gate, stride=coarse_stride(data, stillest, sampling))
-            return Near(stillest, rests=False, moved=min(moves))
-    return Near(state, rests=True, moved=moves[-1] if moves else 0.0)
+        self.cells.append(state.support.inside)
+        self.led_about = wanders(self.moves, settling)
+        if not self.holds_cells:
+            return state
+        seen = self.cells[-DOUBTING.wandering - 1 :] if self.led_about else self.cells[-2:]
+        return with_cells(state, np.all(seen, axis=0))
+
+    def same_cells(self, state: Estimation, settling: Settling, gate: Gate) -> BoolArray | None:
+        """The cells that this round and the one before it have, where these are the same but for a few, and the noise is."""
+        assert state.support is not None
+        before, self.last = self.last, (state.support.inside, state.lidar_noise)
+        if before is None or not is_same(self.last, before, settling, gate):
+            return None
+        return self.last[0] & before[0]
 
 
 def with_cells(state: Estimation, inside: BoolArray) -> Estimation:

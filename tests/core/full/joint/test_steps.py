@@ -16,6 +16,7 @@ from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.schedule import CHOSEN, FULL, Schedule
+from calib_core.full.joint.settle import Near
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
@@ -259,9 +260,8 @@ def test_a_patch_that_follows_another_surface_ends_the_shapes(
     uneven = replace(half.state, nuisance=surface, estimate=heights)
     monkeypatch.setattr(solve, "settle", lambda *_: half.state)
     soon: list[int] = []
-    monkeypatch.setattr(
-        solve, "near_rest", lambda *_, **more: soon.append(more["soon"]) or (replace(uneven, rounds=77), rests)
-    )
+    near = Near(replace(uneven, rounds=77), rests, moved=0.0)
+    monkeypatch.setattr(solve, "near_rest", lambda *_, **more: soon.append(more["soon"]) or near)
     monkeypatch.setattr(solve, "admit_surface", lambda *_: uneven)
     after = solve.settled(half.data, half.state, replace(FULL, planes=None))
     assert after.rounds == 77
