@@ -64,6 +64,11 @@ def hear_no_interrupts() -> None:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
+def forget_stdout() -> None:
+    """Where whoever read stdout has left: what is still to be flushed goes nowhere, instead of failing into the closed pipe."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def leave(exit_code: int) -> NoReturn:
     """End, all told and cleared away. Taking apart what compiled loops are kept in would take a third of a second, for nobody.
 

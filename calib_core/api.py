@@ -15,7 +15,7 @@ import gc
 import importlib
 import threading
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
@@ -289,29 +289,37 @@ def deskew(
     ranges, angles), too.
     """
     from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector
+    from calib_core.readers.container.unpacked import kept_unpacked
     from calib_core.readers.load import load as read
+    from calib_core.readers.write.output import check_output, placed_last
     from calib_core.readers.write.rewrite import rewrite_clouds
 
-    settings = settings or ReadSettings()
+    path, out, settings = Path(path), Path(out), settings or ReadSettings()
+    map_out = None if map_out is None else Path(map_out)
     held_calibration(result)  # says so before the recording is read where there is none
     if correct_lasers:
         laser_corrector(result)
-    recording = read(Path(path), settings, on_event=on_event, should_cancel=should_cancel)
-    motion = held_motion(
-        recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
-    )
-    if map_out is not None:
-        _write_map(recording, motion.solved, Path(map_out), should_cancel)
-    return rewrite_clouds(
-        Path(path),
-        recording.lidar.topic,
-        Path(out),
-        motion.deskew,
-        settings=settings,
-        cloud_format=cloud_format,
-        on_event=on_event,
-        should_cancel=should_cancel,
-    )
+    with ExitStack() as until_done:
+        until_done.enter_context(kept_unpacked())
+        check_output(path, out, map_out)
+        # The map waits until the scans are in their place: whoever is stopped, or fails, on the way leaves neither.
+        made_map = None if map_out is None else until_done.enter_context(placed_last(map_out))
+        recording = read(path, settings, on_event=on_event, should_cancel=should_cancel)
+        motion = held_motion(
+            recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
+        )
+        if made_map is not None:
+            _write_map(recording, motion.solved, made_map, should_cancel)
+        return rewrite_clouds(
+            path,
+            recording.lidar.topic,
+            out,
+            motion.deskew,
+            settings=settings,
+            cloud_format=cloud_format,
+            on_event=on_event,
+            should_cancel=should_cancel,
+        )
 
 
 def _write_map(recording: Recording, trajectory: Trajectory | None, out: Path, should_cancel: ShouldCancel) -> None:

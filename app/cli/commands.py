@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,6 +16,7 @@ from rich.console import Console
 
 from app.cli import options
 from app.cli.terminal import Manner, choose_manner, listener
+from app.process import forget_stdout
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
 from calib_core.audit.pose import GivenExtrinsic
@@ -80,20 +82,44 @@ def calibrate(chosen: argparse.Namespace) -> None:
     planes = None if chosen.planes is None else api.read_planes(chosen.planes)
     guess = None if chosen.initial_guess is None else api.read_initial_guess(chosen.initial_guess)
     reading, manner = options.read_settings(chosen), _manner(chosen)
-    if chosen.output is not None:
-        check_writable(chosen.output)
-    if chosen.report is not None:
-        check_writable(chosen.report)
+    _check_places(chosen.output, chosen.report)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
     with listener(manner) as on_event:
         steps = None if chosen.report is None else _remembering(on_event)
         done = api.calibrate(recording, solving, planes=planes, initial_guess=guess, on_event=steps or on_event)
+    # The result is there before anything else is tried: minutes of solving must not be lost for a page.
+    try:
+        _give_result(done.result, chosen.output, manner)
+    except BrokenPipeError:  # who reads stdout has left; the report goes to a file
+        forget_stdout()
     if chosen.report is not None and steps is not None:
-        _write_report(recording, (done.result, done.trajectory), steps, chosen.report)
-    _give_result(done.result, chosen.output, manner)
+        with _result_kept(chosen.output):
+            _write_report(recording, (done.result, done.trajectory), steps, chosen.report)
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
+
+
+def _check_places(output: Path | None, report: Path | None) -> None:
+    """Before the work: that result and report can be written, and not one over the other."""
+    for path in (output, report):
+        if path is not None:
+            check_writable(path)
+    if output is not None and report is not None and output.resolve() == report.resolve():
+        raise InputError(f"Expected a name each for --output and --report, but found {output} for both; change one.")
+
+
+@contextmanager
+def _result_kept(output: Path | None) -> Iterator[None]:
+    """What fails beside a result that is given already is told with where that is."""
+    where = "on stdout" if output is None else f"in {output}"
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"Interrupted; there is no report, and the result is {where}.") from None
+    except Exception as error:
+        error.add_note(f"there is no report, and the result is {where}")
+        raise
 
 
 def calibrate_many(chosen: argparse.Namespace) -> None:
@@ -109,10 +135,6 @@ def calibrate_many(chosen: argparse.Namespace) -> None:
 def deskew(chosen: argparse.Namespace) -> None:
     """Write the recording's scans with the motion removed."""
     result, manner = api.read_result(chosen.calibration), _manner(chosen)
-    if chosen.output.exists() and not (chosen.output.is_dir() and not any(chosen.output.iterdir())):
-        raise InputError(f"The output {chosen.output} exists already; remove it or choose another name.")
-    if chosen.map is not None:
-        _check_map(chosen.map)
     with listener(manner) as on_event:
         count = api.deskew(
             chosen.recording,
@@ -128,15 +150,6 @@ def deskew(chosen: argparse.Namespace) -> None:
         sys.stderr.write(
             f"Wrote {counted(count, 'scan without its motion', 'scans without their motion')} to {chosen.output}\n"
         )
-
-
-def _check_map(path: Path) -> None:
-    """Before anything is read: a name that says .ply or .pcd, in a folder that can be written to."""
-    if path.suffix not in {".ply", ".pcd"}:
-        raise InputError(
-            f"Expected a name that ends in .ply or .pcd for --map, but found {path.name}; change the name."
-        )
-    check_writable(path)
 
 
 def _extrinsic_without_frames(chosen: argparse.Namespace) -> GivenExtrinsic | None:

@@ -19,7 +19,7 @@ from types import FrameType
 from app.cli.commands import COMMANDS, AuditFailed, Refused
 from app.cli.parser import build_parser
 from app.cli.usage import UsageError
-from app.process import keep_freed_memory, leave, say_nothing_of_numbers
+from app.process import forget_stdout, keep_freed_memory, leave, say_nothing_of_numbers
 from calib_core.errors import Cancelled, InputError
 
 EXIT_DONE, EXIT_FAILED, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
@@ -54,13 +54,13 @@ def run(arguments: Sequence[str]) -> int:
     except UsageError as error:
         return _fail(EXIT_INPUT, "usage", str(error), log_json=log_json)
     except InputError as error:
-        return _fail(EXIT_INPUT, error.code, str(error), log_json=log_json)
+        return _fail(EXIT_INPUT, error.code, _with_notes(str(error), error), log_json=log_json)
     except BrokenPipeError:
-        # Whoever read our output has what they wanted. Python must not try to flush into the closed pipe at its end.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        # Whoever read our output has what they wanted.
+        forget_stdout()
         return EXIT_DONE
     except Exception as error:  # noqa: BLE001  the last stop before a traceback would reach a user
-        return _fail(EXIT_DEFECT, "defect", _defect_sentence(error), log_json=log_json)
+        return _fail(EXIT_DEFECT, "defect", _with_notes(_defect_sentence(error), error), log_json=log_json)
     return EXIT_DONE
 
 
@@ -85,6 +85,11 @@ def _fail(exit_code: int, code: str, text: str, *, log_json: bool) -> int:
         sys.stderr.write(line + "\n")
         sys.stderr.flush()
     return exit_code
+
+
+def _with_notes(text: str, error: Exception) -> str:
+    """The sentence, and behind it what a command has noted on the error: what stays in spite of it."""
+    return "; ".join([text.strip().rstrip("."), *getattr(error, "__notes__", [])])
 
 
 def _defect_sentence(error: Exception) -> str:

@@ -125,6 +125,55 @@ def test_defect_exits_4_and_leaves_a_log(
     assert "Traceback" in log.read_text()
 
 
+@pytest.mark.parametrize(
+    ("failure", "exit_code"),
+    [
+        (InputError("report.html could not be written; free some space."), 2),
+        (KeyError("x"), 4),
+        (KeyboardInterrupt(), 130),
+    ],
+)
+def test_a_report_that_fails_leaves_the_result_and_says_where(
+    failure: BaseException,
+    exit_code: int,
+    library: Library,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """On a full disk, on a defect, on Ctrl-C. Mutations: the report before the result; no `_result_kept`; `_with_notes` that
+    leaves the notes out; exit 0."""
+
+    def fails(*_: object) -> None:
+        raise failure
+
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    monkeypatch.setattr("app.results.evidence.measure_evidence", fails)
+    out, report = tmp_path / "result.json", tmp_path / "report.html"
+    assert cli.run(["calibrate", "room.bag", "--output", str(out), "--report", str(report)]) == exit_code
+    assert CalibrationResult.model_validate_json(out.read_text()) == library.result
+    assert not report.exists()
+    line = last_line(capsys)
+    assert f"; there is no report, and the result is in {out}." in line
+    assert ".;" not in line
+
+
+def test_a_reader_of_stdout_that_has_left_still_gets_its_report(
+    library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """`unsweep calibrate room.bag --report report.html | head -1`. Mutation: the closed pipe ends the command."""
+
+    def closed(*_: object) -> None:
+        raise BrokenPipeError
+
+    written: list[Path] = []
+    monkeypatch.setattr(commands, "_give_result", closed)
+    monkeypatch.setattr(commands, "forget_stdout", lambda: None)
+    monkeypatch.setattr(commands, "_write_report", lambda *words: written.append(words[-1]))
+    assert cli.run(["calibrate", "room.bag", "--report", str(tmp_path / "report.html")]) == 0
+    assert written == [tmp_path / "report.html"]
+
+
 @pytest.mark.parametrize("failure", [KeyboardInterrupt(), Cancelled("stopped")])
 def test_interrupted_exits_130_and_writes_nothing(library: Library, failure: BaseException, tmp_path: Path) -> None:
     """Fails if an old result is touched or a part of a new one is left."""
@@ -171,11 +220,21 @@ def test_usage_errors_exit_2_with_one_sentence(words: list[str], capsys: pytest.
     assert said.err.endswith(".\n")
 
 
-def test_unwritable_output_is_told_before_the_work(library: Library, capsys: pytest.CaptureFixture[str]) -> None:
-    """Fails if the recording is read first."""
-    assert cli.run(["calibrate", "room.bag", "--output", "/nowhere/at/all/result.json"]) == 2
-    assert library.asked.reading is None
-    assert "/nowhere/at/all" in last_line(capsys)
+def test_unwritable_output_is_told_before_the_work(
+    library: Library, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Fails if the recording is read first, for any of the places that are named (seen: without `_check_places`; without its
+    last two lines, with which the report takes the result's place)."""
+    for words in (
+        ["--output", "/nowhere/at/all/result.json"],
+        ["--report", "/nowhere/at/all/report.html"],
+        ["--output", "all.html", "--report", "at-all/../all.html"],
+    ):
+        (tmp_path / "at-all").mkdir(exist_ok=True)
+        monkeypatch.chdir(tmp_path)
+        assert cli.run(["calibrate", "room.bag", *words]) == 2
+        assert library.asked.reading is None
+        assert "all" in last_line(capsys)
 
 
 def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:

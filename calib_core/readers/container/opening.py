@@ -11,7 +11,7 @@ import heapq
 import re
 import tempfile
 from collections.abc import Collection, Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -36,6 +36,7 @@ from calib_core.readers.container.unpacked import unpacked
 
 #: Bytes read, and unpacked, at once.
 _BLOCK = 1 << 20
+RecordingKind = Literal["ros1", "ros2"]
 STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
 _ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"
 
@@ -58,9 +59,9 @@ class OpenRecording:
         self.end_ns = max((s.end_ns for s in filled), default=0)
 
     @property
-    def kind(self) -> Literal["ros1", "ros2"]:
+    def kind(self) -> RecordingKind:
         """Which family of containers the recording is stored in."""
-        return "ros1" if self.files and _storage_suffix(self.files[0]) == ".bag" else "ros2"
+        return _kind(self.files)
 
     @property
     def size_bytes(self) -> int:
@@ -95,8 +96,6 @@ class OpenRecording:
 
     def _open_all(self) -> list[Storage]:
         path = self.path
-        if not path.exists():
-            raise UnreadableRecording(f"There is no file or folder {path}; give the path of {_ACCEPTED}.")
         if is_archive(path):
             path = self._stack.enter_context(unpacked(path))
         self.files = storage_files(path)
@@ -135,8 +134,25 @@ class OpenRecording:
 
 def open_recording(path: Path) -> OpenRecording:
     """The recording at `path`, opened; a context manager. Raises UnreadableRecording with one sentence."""
-    try:
+    with _told_as_unreadable(path):
         return OpenRecording(path)
+
+
+def kind_of(path: Path) -> RecordingKind:
+    """Which family of containers the recording at `path` is stored in, by its files' names: nothing of them is read."""
+    with _told_as_unreadable(path), unpacked(path) if is_archive(path) else nullcontext(path) as folder:
+        return _kind(storage_files(folder))
+
+
+def _kind(files: list[Path]) -> RecordingKind:
+    return "ros1" if files and _storage_suffix(files[0]) == ".bag" else "ros2"
+
+
+@contextmanager
+def _told_as_unreadable(path: Path) -> Iterator[None]:
+    """What the system says against a file becomes one sentence."""
+    try:
+        yield
     except PermissionError as error:
         raise UnreadableRecording(
             f"The file {error.filename} may not be read by this user; change its mode."
@@ -162,6 +178,8 @@ def storage_files(path: Path) -> list[Path]:
 
     The folder's metadata.yaml is not asked: recorders that were killed leave none, and splits are named in order.
     """
+    if not path.exists():
+        raise UnreadableRecording(f"There is no file or folder {path}; give the path of {_ACCEPTED}.")
     if path.is_file():
         if _storage_suffix(path) not in STORAGE_SUFFIXES:
             raise UnreadableRecording(f"The file {path.name} is no recording; expected {_ACCEPTED}.")

@@ -36,6 +36,16 @@ def sharing(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
+def kept_unpacked() -> Iterator[None]:
+    """While it lasts, an archive that this thread opens again and again is unpacked once; gone afterwards, if not shared."""
+    if _SHARED.get() is not None:
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="unsweep-") as own, sharing(Path(own)):
+        yield
+
+
+@contextmanager
 def unpacked(archive: Path) -> Iterator[Path]:
     """A folder with the archive's storage files, there as long as the context lasts."""
     folder = _SHARED.get()

@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 
 from calib_core.counts import counted
-from calib_core.errors import Cancelled, SettingsError
+from calib_core.errors import Cancelled
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.maps.files import write_cloud
 from calib_core.readers.clouds.decoders import UNDECODABLE, CloudDecoder, cloud_decoder
@@ -29,6 +29,7 @@ from calib_core.readers.scans import select_points
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar
 from calib_core.readers.write.bag_writer import BagWriter, ros1_writer, ros2_writer
+from calib_core.readers.write.output import check_fits
 from calib_core.readers.write.patch import MovedPoints, moved_copy, patched_payload, pointcloud2_payload
 from calib_core.settings import ReadSettings
 from calib_core.types import Float32Array, FloatArray, Scan
@@ -39,7 +40,6 @@ Transform = Callable[[Scan], FloatArray | Float32Array | None]
 CloudFormat = Literal["ply", "pcd"]
 #: Every return is moved, however near or far: the range limits of a calibration are not the recording's.
 _NEAREST_M, _FARTHEST_M = 1e-4, 1e6
-_SUFFIXES = {"ros1": (".bag",), "ros2": (".mcap", ".db3")}
 _EVENT_EVERY = 10
 
 
@@ -63,7 +63,7 @@ def rewrite_clouds(
     with open_recording(path) as recording:
         lidar = choose_lidar(recording.topics, topic, recording.name)
         rewriter = _Rewriter(recording, lidar, transform, settings or ReadSettings(), on_event, should_cancel)
-        _check_out(out, recording)
+        check_fits(out, recording.kind, recording.name)
         out.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".unsweep-", dir=out.parent) as folder:
             made = Path(folder) / out.name
@@ -72,18 +72,6 @@ def rewrite_clouds(
                 out.rmdir()  # only an empty one passed the check
             shutil.move(made, out)
         return count
-
-
-def _check_out(out: Path, recording: OpenRecording) -> None:
-    allowed = ("", *_SUFFIXES[recording.kind])
-    if out.suffix not in allowed:
-        bags = " or ".join(_SUFFIXES[recording.kind])
-        raise SettingsError(
-            f"The output {out.name} does not fit {recording.name}: give a folder (no suffix) for .ply"
-            f" or .pcd files, or a {bags} file."
-        )
-    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
-        raise SettingsError(f"The output {out} exists already; remove it or choose another name.")
 
 
 class _Rewriter:
