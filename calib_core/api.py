@@ -59,6 +59,7 @@ __all__ = [
     "discard_archives",
     "export",
     "export_names",
+    "fingerprint",
     "foresight",
     "get_ready",
     "grow_plane",
@@ -167,6 +168,13 @@ def load(
     return read(
         Path(path), settings or ReadSettings(), fingerprint=fingerprint, on_event=on_event, should_cancel=should_cancel
     )
+
+
+def fingerprint(path: str | Path) -> str:
+    """The SHA-256 by which a result's provenance names the recording at `path`: of its bytes, wherever it lies."""
+    from calib_core.readers.container.fingerprint import recording_sha256
+
+    return recording_sha256(Path(path))
 
 
 def propose_planes(

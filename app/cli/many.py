@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from pathlib import Path
 
 from app.cli.fleet_table import counts, fleet_listener
 from app.cli.terminal import Manner
-from app.fleet.campaign import run_fleet, take_up
+from app.fleet.campaign import ASIDE, run_fleet, take_up
 from app.fleet.executors import Executor, LocalProcesses
 from app.fleet.find import document_names, find_recordings
+from app.fleet.made_of import asked_beside, why_again
 from app.fleet.orders import FleetOrder
 from app.fleet.overview import PAGE_NAME, Overview
-from app.fleet.summary import NAME, Row, read_rows
+from app.fleet.summary import NAME, Row, moved, read_rows
 from calib_core import api
 from calib_core.errors import InputError
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -25,7 +27,9 @@ def calibrate_all(
     """The rows of all recordings. A sentence is raised before anything runs where the call is at fault."""
     folder = _output_folder(chosen.output)
     orders = orders_of(chosen, reading, solving)
-    done, ahead = take_up(orders, folder)
+    done, ahead, others = take_up(orders, folder)
+    if others:
+        _tell_again(why_again(others, folder / ASIDE), manner)
     if not ahead:
         Overview(folder, done, total=len(orders)).write(is_running=False)
     rows = list(done) + (_run(ahead, done, folder, chosen, manner) if ahead else [])
@@ -34,6 +38,15 @@ def calibrate_all(
             f"{len(rows)} recordings: {counts(rows)}; {folder / NAME} has them all, {PAGE_NAME} shows them\n"
         )
     return rows
+
+
+def _tell_again(text: str, manner: Manner) -> None:
+    if manner in {Manner.live, Manner.plain}:
+        sys.stderr.write(text + "\n")
+    elif manner is Manner.json:
+        sys.stderr.write(
+            json.dumps({"event": "log", "level": "info", "code": "fleet.again", "text": f"{text}."}) + "\n"
+        )
 
 
 def _run(
@@ -75,8 +88,11 @@ def orders_of(chosen: argparse.Namespace, reading: ReadSettings, solving: Calibr
     if guess is not None:
         api.read_initial_guess(guess)
     recordings = find_recordings(chosen.source)
-    names = document_names(recordings, {Path(row.recording): row.name for row in read_rows(chosen.output)})
+    rows = read_rows(chosen.output)
+    known = {Path(row.recording): row.name for row in rows} | moved(recordings, rows, chosen.output)
+    names = document_names(recordings, known)
     memory_bytes = None if chosen.memory_limit_mb is None else chosen.memory_limit_mb * 10**6
+    asked = asked_beside(reading, planes, guess)
     return [
         FleetOrder(
             name=names[path],
@@ -85,6 +101,7 @@ def orders_of(chosen: argparse.Namespace, reading: ReadSettings, solving: Calibr
             solving=solving,
             planes=planes,
             initial_guess=guess,
+            asked=asked,
             time_limit_s=chosen.time_limit_s,
             memory_bytes=memory_bytes,
         )

@@ -5,34 +5,66 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, CancelledError, Future, wait
 from pathlib import Path
+from typing import NamedTuple
 
 from app.fleet.executors import Executor
+from app.fleet.made_of import Stored, stored
 from app.fleet.orders import FleetOrder, FleetOutcome
 from app.fleet.summary import Row, add_row, documented, read_rows, row_of, write_rows
 from app.storage.atomic import write_text
+from calib_core.errors import InputError
 
 #: A recording whose worker was lost is tried so often in all: one that kills its worker every time must not go on for ever.
 TRIES = 3
+#: In the output folder: documents of what is not asked any more.
+ASIDE = "earlier"
 #: Ctrl-C is heard between two looks.
 _LOOK_S = 0.25
 
 OnRow = Callable[[Row], None]
 
 
-def take_up(orders: Sequence[FleetOrder], folder: Path) -> tuple[list[Row], list[FleetOrder]]:
-    """What an earlier run has left: rows of recordings that have their documents, and the orders still to run."""
+class TakenUp(NamedTuple):
+    """What an earlier run has left.
+
+    done: rows of recordings that have their documents.   ahead: the orders still to run.   others: of those of them that had a
+    document of something else, what differs; these documents are in the folder ASIDE by now.
+    """
+
+    done: list[Row]
+    ahead: list[FleetOrder]
+    others: list[tuple[str, ...]]
+
+
+def take_up(orders: Sequence[FleetOrder], folder: Path) -> TakenUp:
+    """What an earlier run has left in the folder, where afterwards no document is of something else than is asked."""
     rows = {row.name: row for row in read_rows(folder)}
-    done: list[Row] = []
-    ahead: list[FleetOrder] = []
+    left = TakenUp([], [], [])
     for order in orders:
-        row = documented(order, folder, rows)
-        if row is None:
-            ahead.append(order)
-        else:
-            done.append(row)
-    others = [row for name, row in rows.items() if row.has_document and name not in {order.name for order in orders}]
-    write_rows(folder, [*others, *done])
-    return done, ahead
+        found = documented(order, folder, rows)
+        if isinstance(found, Row):
+            left.done.append(found)
+            continue
+        left.ahead.append(order)
+        if found:
+            left.others.append(found)
+            _set_aside(folder / f"{order.name}.json")
+    asked = {order.name for order in orders}
+    not_asked = [row for name, row in rows.items() if row.has_document and name not in asked]
+    write_rows(folder, [*not_asked, *left.done])
+    return left
+
+
+def _set_aside(document: Path) -> None:
+    """Before it is run again, not after: what is stopped on the way must not leave an old document for a new one."""
+    try:
+        (document.parent / ASIDE).mkdir(exist_ok=True)
+        document.replace(document.parent / ASIDE / document.name)
+    except OSError as error:
+        raise InputError(
+            f"{document} is of other options or of another recording, and could not be put aside ({error.strerror}); move it, or "
+            "choose another folder."
+        ) from error
 
 
 def run_fleet(orders: Sequence[FleetOrder], folder: Path, executor: Executor, on_row: OnRow) -> list[Row]:
@@ -42,6 +74,9 @@ def run_fleet(orders: Sequence[FleetOrder], folder: Path, executor: Executor, on
     """
     rows: list[Row] = []
     waiting: dict[Future[str], tuple[FleetOrder, int]] = {}
+    lay = {
+        order.name: stored(order.recording) for order in orders
+    }  # before anybody reads them: what changes later is seen
     try:
         for order in orders:
             waiting[executor.start(order.model_dump_json())] = (order, 1)
@@ -52,7 +87,7 @@ def run_fleet(orders: Sequence[FleetOrder], folder: Path, executor: Executor, on
                 if outcome.is_lost and tries < TRIES:
                     waiting[executor.start(order.model_dump_json())] = (order, tries + 1)
                     continue
-                rows.append(_keep(order, outcome, tries, folder))
+                rows.append(_keep(order, outcome, tries, lay[order.name], folder))
                 on_row(rows[-1])
     finally:
         executor.stop()
@@ -71,8 +106,8 @@ def outcome_of(future: Future[str], order: FleetOrder) -> FleetOutcome:
         return FleetOutcome(code="job.lost", text=text, is_lost=True)
 
 
-def _keep(order: FleetOrder, outcome: FleetOutcome, tries: int, folder: Path) -> Row:
-    row = row_of(order.name, order.recording, outcome, tries)
+def _keep(order: FleetOrder, outcome: FleetOutcome, tries: int, lay: Stored | None, folder: Path) -> Row:
+    row = row_of(order, outcome, tries, lay)
     if outcome.document is not None:
         write_text(folder / f"{order.name}.json", outcome.document)
     add_row(folder, row)

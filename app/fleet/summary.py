@@ -1,6 +1,7 @@
 """The table of a fleet, `summary.csv`: a row a recording, added as each is done, so that it is right after a power cut.
 
-A row whose document is there is not run again; a row without one is dropped when the fleet is taken up again.
+A row whose document is there, made of what is asked, is not run again; a row without one is dropped when the fleet is taken up
+again.
 """
 
 from __future__ import annotations
@@ -8,12 +9,13 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from app.fleet.made_of import CHANGED, Stored, differing_options, is_same_recording, stored
 from app.fleet.orders import FleetOrder, FleetOutcome
 from app.results.verdict import told, tone
 from app.storage.atomic import write_text
@@ -28,6 +30,7 @@ class Row(BaseModel):
     """One recording. Empty where there is no answer; rotation about the lidar's axes, translation along the IMU's.
 
     code, sentence: why a recording was refused or has no document; sentence also of an answer that anything speaks against.
+    asked, recording_bytes, recording_written_ns: what made_of.py compares; empty where nobody knew.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -46,23 +49,41 @@ class Row(BaseModel):
     sentence: str = ""
     duration_s: float = 0.0
     tries: int = 1
+    asked: str = ""
+    recording_bytes: int | Literal[""] = ""
+    recording_written_ns: int | Literal[""] = ""
 
     @property
     def has_document(self) -> bool:
         """Whether there is a document to this row."""
         return self.verdict != "failed"
 
+    @property
+    def stored(self) -> Stored | None:
+        """How the recording lay on the disk before it was read; None where nobody looked."""
+        if self.recording_bytes == "" or self.recording_written_ns == "":
+            return None
+        return Stored(self.recording_bytes, self.recording_written_ns)
+
 
 COLUMNS = tuple(Row.model_fields)
 
 
-def row_of(name: str, recording: Path, outcome: FleetOutcome, tries: int) -> Row:
-    """The row of an outcome."""
-    facts = {"name": name, "recording": str(recording), "duration_s": round(outcome.duration_s, 3), "tries": tries}
+def row_of(order: FleetOrder, outcome: FleetOutcome, tries: int, lay: Stored | None) -> Row:
+    """The row of an outcome.   lay: how the recording lay on the disk before it was read."""
+    facts = {"duration_s": round(outcome.duration_s, 3), "tries": tries, **_facts_of_order(order, lay)}
     if outcome.document is None:
         return Row.model_validate(facts | {"verdict": "failed", "code": outcome.code, "sentence": outcome.text})
-    result = CalibrationResult.model_validate_json(outcome.document)
-    facts["verdict"] = result.status
+    return Row.model_validate(facts | _facts_of_result(CalibrationResult.model_validate_json(outcome.document)))
+
+
+def _facts_of_order(order: FleetOrder, lay: Stored | None) -> dict[str, object]:
+    facts: dict[str, object] = {"name": order.name, "recording": str(order.recording), "asked": order.asked}
+    return facts if lay is None else facts | {"recording_bytes": lay.size_bytes, "recording_written_ns": lay.written_ns}
+
+
+def _facts_of_result(result: CalibrationResult) -> dict[str, object]:
+    facts: dict[str, object] = {"verdict": result.status}
     if result.uncertainty is not None:
         turn, shift = result.uncertainty.rotation_std_deg, result.uncertainty.translation_std_m
         facts |= {f"rotation_std_{axis}_deg": std for axis, std in zip("xyz", turn, strict=True)}
@@ -72,7 +93,7 @@ def row_of(name: str, recording: Path, outcome: FleetOutcome, tries: int) -> Row
         facts["code"] = next((message.code for message in result.messages if message.level == "error"), "")
     if tone(result) != "good":
         facts["sentence"] = told(result)
-    return Row.model_validate(facts)
+    return facts
 
 
 def read_rows(folder: Path) -> list[Row]:
@@ -109,16 +130,56 @@ def add_row(folder: Path, row: Row) -> None:
         ) from error
 
 
-def documented(order: FleetOrder, folder: Path, rows: dict[str, Row]) -> Row | None:
-    """The row of a recording whose document is there already; None where it has to be run."""
-    path = folder / f"{order.name}.json"
+def documented(order: FleetOrder, folder: Path, rows: Mapping[str, Row]) -> Row | tuple[str, ...]:
+    """The row of a recording whose document is there, made of what is asked. Else it has to be run: what its document was made of
+    otherwise; nothing, where it has none.
+    """
+    result = _document(order.name, folder)
+    if result is None:
+        return ()
+    row = rows.get(order.name)
+    if row is None or not row.has_document:
+        row = Row.model_validate({"name": order.name, "recording": str(order.recording)} | _facts_of_result(result))
+    others = differing_options(order, result.provenance.settings, row.asked)
+    if not is_same_recording(order.recording, row.stored, result.provenance.recording.sha256):
+        others.append(CHANGED)
+    # Where and how the recording lies by now, so that it need not be hashed the next time.
+    return tuple(others) or row.model_copy(update=_facts_of_order(order, stored(order.recording)))
+
+
+def _document(name: str, folder: Path) -> CalibrationResult | None:
+    """The document of that name; None where there is none, or another program's."""
     try:
-        document = path.read_text(encoding="utf-8")
-        made = row_of(order.name, order.recording, FleetOutcome(document=document), 1)
-    except (OSError, ValueError):  # none, or another program's
+        return CalibrationResult.model_validate_json((folder / f"{name}.json").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
         return None
-    kept = rows.get(order.name)
-    return kept if kept is not None and kept.has_document else made
+
+
+def moved(recordings: Sequence[Path], rows: Iterable[Row], folder: Path) -> dict[Path, str]:
+    """The names of recordings that have a row under another path, by their bytes: folders are moved, and mounted elsewhere."""
+    asked = set(recordings)
+    elsewhere: dict[str, list[Row]] = {}
+    known = set()
+    for row in rows:
+        known.add(Path(row.recording))
+        if Path(row.recording) not in asked:
+            elsewhere.setdefault(Path(row.recording).name, []).append(row)
+    names = {}
+    for path in recordings:
+        candidates = elsewhere.get(path.name, []) if path not in known else []
+        found = [row for row in candidates if _lies_at(path, row, folder)]
+        if found:
+            names[path] = found[0].name
+            candidates.remove(found[0])
+    return names
+
+
+def _lies_at(path: Path, row: Row, folder: Path) -> bool:
+    """Whether the recording of a row is the one that now lies at `path`."""
+    if row.stored is None or stored(path) is None:
+        return False
+    result = _document(row.name, folder)
+    return is_same_recording(path, row.stored, "" if result is None else result.provenance.recording.sha256)
 
 
 def _cells(row: Row) -> list[str]:

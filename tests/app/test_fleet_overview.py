@@ -10,7 +10,7 @@ import pytest
 
 from app.cli.fleet_table import row_line
 from app.fleet import overview as overviews
-from app.fleet.orders import FleetOutcome
+from app.fleet.orders import FleetOrder, FleetOutcome
 from app.fleet.overview import JSON_NAME, PAGE_NAME, Overview
 from app.fleet.summary import Row, row_of
 from calib_core.result import Message, WeakDirection
@@ -94,20 +94,21 @@ def test_what_a_weak_one_left_open_is_in_its_row(tmp_path):
     """As the verdict has it: what is weak, and what disagrees. Mutations: the reason of refused ones alone; of weak ones alone;
     the first direction alone.
     """
+    order = FleetOrder(name="a", recording=tmp_path / "a.bag")
     result = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), 4_000_000, status="weak")
     open_ = WeakDirection(label="tz", vector=[0.0] * 7, std_scaled=9.0, text="The height is open.")
     result.observability.weak_directions = [open_]
-    found = row_of("a", tmp_path / "a.bag", FleetOutcome(document=result.to_json()), 1)
+    found = row_of(order, FleetOutcome(document=result.to_json()), 1, None)
     assert (found.verdict, found.sentence) == ("weak", "The height is open.")
     assert "1 sigma up to" in row_line(found) and row_line(found).endswith(": The height is open.")
     result.observability.weak_directions = [open_, open_]
     result.observability.weak_axes = ["ty", "tz"]
-    several = row_of("a", tmp_path / "a.bag", FleetOutcome(document=result.to_json()), 1)
+    several = row_of(order, FleetOutcome(document=result.to_json()), 1, None)
     assert several.sentence == "The height is open. Weak are position y and position z."
     good = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), 4_000_000)
-    assert row_of("a", tmp_path / "a.bag", FleetOutcome(document=good.to_json()), 1).sentence == ""
+    assert row_of(order, FleetOutcome(document=good.to_json()), 1, None).sentence == ""
     good.messages.append(Message(code="solve.disagreement", level="warning", text="parts disagree 3-fold"))
-    torn = row_of("a", tmp_path / "a.bag", FleetOutcome(document=good.to_json()), 1)
+    torn = row_of(order, FleetOutcome(document=good.to_json()), 1, None)
     assert torn.verdict == "calibrated" and torn.sentence.startswith("Parts of the recording disagree")
 
 
