@@ -4,7 +4,20 @@ import { fixOf, fixText } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
 import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
-import { bytes, fixed, foreseenText, heldText, NARROW, plusMinus, stdText, withSigma } from "../src/ui/format";
+import {
+  ago,
+  bytes,
+  duration,
+  fixed,
+  foreseenText,
+  heldText,
+  NARROW,
+  percentOf,
+  plusMinus,
+  stdText,
+  threeDigits,
+  withSigma,
+} from "../src/ui/format";
 import { controlName } from "../src/ui/words";
 
 describe("numbers for people", () => {
@@ -50,6 +63,59 @@ describe("numbers for people", () => {
     expect(bytes(999_900)).toBe("1.0\u202fMB");
     expect(bytes(127_600_000)).toBe("128\u202fMB");
     expect(fixed(-1.5, 1)).toBe("−1.5");
+  });
+});
+
+describe("durations and shares", () => {
+  const told = (seconds: number) => duration(seconds).replaceAll(NARROW, " ");
+
+  // Mutations: seconds or minutes rounded after they were taken apart, as "1 min 60 s" and "1 h 60 min" were.
+  it("carry what is rounded up", () => {
+    expect([9.94, 9.95, 99.4, 99.5, 119.4, 119.6, 3599.4, 3599.6, 7199, 7170.1, 7169.9].map(told)).toEqual([
+      "9.9 s",
+      "10 s",
+      "99 s",
+      "1 min 40 s",
+      "1 min 59 s",
+      "2 min 00 s",
+      "59 min 59 s",
+      "1 h 00 min",
+      "2 h 00 min",
+      "2 h 00 min",
+      "1 h 59 min",
+    ]);
+  });
+
+  // Oracle: the text read back. Mutation: any of the formatters that rounds after it has chosen a unit.
+  it("say what is meant to half of their last digit, and no unit more than it holds", () => {
+    for (let seconds = 0; seconds < 90_000; seconds += 0.05 + seconds / 997) {
+      const text = told(seconds);
+      const [, hours, minutes, rest] = /^(?:(\d+) h )?(?:(\d+) min ?)?(?:([\d.]+) s)?$/.exec(text) ?? [];
+      const read = 3600 * Number(hours ?? 0) + 60 * Number(minutes ?? 0) + Number(rest ?? 0);
+      expect(Math.abs(read - seconds), text).toBeLessThanOrEqual(hours !== undefined ? 30.01 : 0.51);
+      if (minutes !== undefined) expect(Number(minutes), text).toBeLessThan(60);
+      if (minutes !== undefined) expect(Number(rest ?? 0), text).toBeLessThan(60);
+    }
+    for (let n = 1; n < 1e14; n *= 1.00317) {
+      expect(Number.parseFloat(bytes(n)), bytes(n)).toBeLessThan(1000);
+    }
+    const now = Date.UTC(2026, 0, 1);
+    for (let seconds = 1; seconds < 3e8; seconds *= 1.0117)
+      expect(ago(now - seconds * 1000, now)).not.toMatch(/^(6\d minutes|2[4-9] hours|3[1-9] days|1[2-9] months) ago/);
+  });
+
+  // Mutations: 100 % of what is under way; 1.00e+3 for 999.6; decimals by the number before it is rounded.
+  it("claim no more than is done, and write numbers out", () => {
+    expect([0, 0.29, 0.995, 0.9999, 1].map(percentOf)).toEqual([0, 29, 99, 99, 100]);
+    expect([999.6, 1234, 9.996, 0.09996, -501, 0, 1.2345e-5].map(threeDigits)).toEqual([
+      "1000",
+      "1234",
+      "10.0",
+      "0.100",
+      "−501",
+      "0.00",
+      "0.0000123",
+    ]);
   });
 });
 

@@ -44,6 +44,33 @@ def test_an_upload_goes_on_by_itself_after_its_server_was_killed(page: Page, tmp
         assert hashlib.sha256(stored.read_bytes()).digest() == hashlib.sha256(content).digest()
 
 
+@pytest.mark.usefixtures("server")  # which builds the page that the victim serves
+def test_an_upload_outlives_a_lost_network(browser: Browser, tmp_path: Path) -> None:
+    """A minute of Wi-Fi gone would use up all tries. Oracle: SHA-256 of the file. Mutation: the upload ended where the browser is
+    off line, or begun anew.
+    """
+    bag = tmp_path / "any.bag"
+    content = random.Random(3).randbytes(SIZE_BYTES)
+    bag.write_bytes(content)
+    with (
+        running(tmp_path / "data", entry=FAKE_JOBS) as victim,
+        opened(browser, f"http://127.0.0.1:{victim.port}") as context,
+    ):
+        page = context.new_page()  # whose console tells of the network, too
+        page.goto("/")
+        page.get_by_test_id("file-input").set_input_files(bag)
+        until(lambda: int(str(only(victim)["received_bytes"])) > 0)
+        context.set_offline(True)
+        expect(page.get_by_text("This machine is on no network")).to_be_visible()
+        began = only(victim)
+        assert began["state"] == "receiving"
+        context.set_offline(False)
+        until(lambda: only(victim)["state"] not in {"none", "receiving"})
+        assert only(victim)["id"] == began["id"]
+        stored = tmp_path / "data" / "recordings" / str(began["id"]) / "source.bag"
+        assert hashlib.sha256(stored.read_bytes()).digest() == hashlib.sha256(content).digest()
+
+
 @pytest.fixture
 def interrupted(browser: Browser, address: str, tmp_path: Path) -> Iterator[tuple[Page, Path]]:
     """A page on an upload that an earlier page began, and its file: not a byte of it has come through."""

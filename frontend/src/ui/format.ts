@@ -19,13 +19,24 @@ export function duration(seconds: number): string {
   if (!Number.isFinite(seconds) || seconds < 0) return "–";
   if (seconds < 9.95) return `${seconds.toFixed(1)}${NARROW}s`;
   if (seconds < 99.5) return `${seconds.toFixed(0)}${NARROW}s`;
-  const minutes = Math.floor(seconds / 60);
-  if (minutes < 60) return `${minutes}${NARROW}min ${String(Math.round(seconds % 60)).padStart(2, "0")}${NARROW}s`;
-  return `${Math.floor(minutes / 60)}${NARROW}h ${String(minutes % 60).padStart(2, "0")}${NARROW}min`;
+  // Rounded before it is taken apart: 119.6 s are 2 min, not 1 min and 60 s.
+  const whole = Math.round(seconds);
+  if (whole < 3600) return parts(Math.floor(whole / 60), "min", whole % 60, "s");
+  const minutes = Math.round(seconds / 60);
+  return parts(Math.floor(minutes / 60), "h", minutes % 60, "min");
+}
+
+function parts(large: number, unit: string, small: number, smallUnit: string): string {
+  return `${large}${NARROW}${unit} ${String(small).padStart(2, "0")}${NARROW}${smallUnit}`;
 }
 
 export function count(n: number): string {
   return n.toLocaleString("en-US").replaceAll(",", NARROW);
+}
+
+/** The whole percent that are done: 100 only when all is. */
+export function percentOf(fraction: number): number {
+  return Math.floor(fraction * 100 + 1e-9);
 }
 
 /** A number with a fixed number of decimals and a real minus sign. */
@@ -37,9 +48,20 @@ export function fixed(value: number, decimals: number): string {
 }
 
 /** Decimals that show a standard deviation with two significant digits. */
-function decimalsFor(sigma: number): number {
+export function decimalsFor(sigma: number): number {
+  return decimalsOf(Math.max(sigma, 1e-9), 2);
+}
+
+/** Decimals that show so many significant digits of a number that is not 0. */
+function decimalsOf(value: number, digits: number): number {
   // Rounded first: 0.996 has its two digits one place further left than it seems.
-  return Math.max(0, 1 - Math.floor(Math.log10(Number(Math.max(sigma, 1e-9).toExponential(1)))));
+  const rounded = Math.abs(Number(value.toExponential(digits - 1)));
+  return Math.max(0, digits - 1 - Math.floor(Math.log10(rounded)));
+}
+
+/** A number with three significant digits, written out: 1000 for 999.6, where JavaScript has 1.00e+3. */
+export function threeDigits(value: number): string {
+  return fixed(value, value === 0 ? 2 : Math.min(12, decimalsOf(value, 3)));
 }
 
 /** In what a usual standard deviation is read, and in what a large one. */

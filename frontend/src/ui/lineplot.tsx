@@ -2,6 +2,7 @@ import { useComputedColorScheme } from "@mantine/core";
 import { useEffect, useRef, useState } from "react";
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
+import { decimalsFor } from "./format";
 import css from "./plot.module.css";
 import { logTicks, ticks } from "./ticks";
 
@@ -194,7 +195,7 @@ function valueText(value: number | null | undefined, sigma: number | null | unde
 
 /** A value with as many decimals as two digits of its standard deviation have. */
 function besides(value: number, sigma: number): string {
-  const decimals = sigma > 0 ? Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(sigma)))) : 3;
+  const decimals = sigma > 0 ? Math.min(6, decimalsFor(sigma)) : 3;
   return value.toFixed(decimals).replace("-", "−");
 }
 

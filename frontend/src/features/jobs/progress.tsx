@@ -3,7 +3,7 @@ import { useState } from "react";
 import { isFinal, type RunLog, type StageProgress } from "../../api/jobstream";
 import { useCancelJob } from "../../api/changes";
 import { useNow } from "../../ui/clock";
-import { duration } from "../../ui/format";
+import { duration, percentOf } from "../../ui/format";
 import { Icon } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
 import css from "./progress.module.css";
@@ -78,7 +78,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
   const left = usePromised(jobId, running && step === null ? secondsLeft(fraction, elapsedS) : null);
   const active = stages.at(-1);
   const names = stagesShown(stages, running ? expected : []);
-  const percent = Math.round(fraction * 100);
+  const percent = percentOf(fraction);
   return (
     <div className={css.progress}>
       <div className={css.progressHead}>
@@ -141,7 +141,7 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
                 {seen?.kept === true
                   ? "kept"
                   : state === "active" && seen !== undefined
-                    ? `${Math.round(seen.fraction * 100)} %`
+                    ? `${percentOf(seen.fraction)} %`
                     : ""}
               </span>
             </li>

@@ -142,6 +142,9 @@ function Uploading({ recording }: { recording: Recording }) {
           {rate.bytesPerSecond !== null && `, ${bytes(rate.bytesPerSecond)}/s`}
           {rate.secondsLeft !== null && `, ${duration(rate.secondsLeft)} left`}
         </p>
+        {upload?.waiting === true && (
+          <p role="status">This machine is on no network. The upload goes on by itself when it is on one again.</p>
+        )}
         {upload === undefined ? (
           <>
             <p>Choose or drop the same file again, {recording.name}: it goes on where it stopped.</p>

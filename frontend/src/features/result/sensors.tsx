@@ -1,5 +1,5 @@
 import type { CalibrationResult } from "../../api/client";
-import { stdText } from "../../ui/format";
+import { stdText, threeDigits } from "../../ui/format";
 import css from "./result.module.css";
 
 type Intrinsic = NonNullable<CalibrationResult["intrinsics"]>[number];
@@ -25,7 +25,7 @@ export function readableIntrinsic({
 }: Pick<Intrinsic, "value" | "std" | "prior_std" | "unit">) {
   const { unit: shown, times } = readable[unit] ?? { unit, times: 1 };
   return {
-    value: (value * times).toPrecision(3).replace("-", "\u2212"),
+    value: threeDigits(value * times),
     sigma: digits(std * times),
     prior: digits(prior_std * times),
     unit: shown,

@@ -1,7 +1,7 @@
 import type { Job, Usual } from "../../api/client";
 import { unitOf } from "../../ui/axes";
 import { numberOf } from "../../ui/format";
-import { gravityAt, priorOf, priorText, type PriorText, type Settings } from "./priors";
+import { gravityAt, latitudeOf, priorOf, priorText, type Prior, type PriorText, type Settings } from "./priors";
 
 type Served = Job["settings"];
 
@@ -30,24 +30,25 @@ const intrinsicsChoices = ["auto", "consider", "off"] as const;
 /** Blocks chosen one by one, as a select holds them. */
 export const chosenBlocks = "blocks";
 
-/** The choices of a run, as a draft of the next one. */
-export function draftOf(settings: Served, usual: Usual): Draft {
-  const { gravity, imu_noise: noise } = settings;
-  const exact = gravity.std_m_s2 === 0;
+/** Noise densities that a run was given, as a select holds them: no preset is called so. */
+export const givenDensities = "densities given before";
+
+/** No limit, where an empty field stands for the published method's own. */
+const unlimited = "all";
+
+/** The choices of a run, as a draft of the next one: nothing that it was told is lost.   told: the settings of one told nothing. */
+export function draftOf(settings: Served, usual: Usual, told: Served): Draft {
+  const noise = settings.imu_noise ?? "";
+  const paper = settings.method === "paper";
   return {
     method: settings.method,
-    points:
-      settings.method === "paper" || settings.points_per_plane_per_scan == null
-        ? ""
-        : String(settings.points_per_plane_per_scan),
-    fieldDeg:
-      settings.method === "paper" || settings.field_of_view_deg == null ? "" : String(settings.field_of_view_deg),
+    points: limitText(settings.points_per_plane_per_scan ?? null, paper ? usual.paper_points_per_plane_per_scan : null),
+    fieldDeg: limitText(settings.field_of_view_deg ?? null, paper ? usual.paper_field_of_view_deg : null),
     timeOffset: settings.estimate_time_offset,
     planes: settings.estimate_planes,
     priors: settings.priors.map(priorText),
-    gravity: exact ? "exact" : "free",
-    gravityNumber: exact ? String(gravity.magnitude_m_s2) : "",
-    imuNoise: typeof noise === "string" ? noise : "",
+    ...gravityDraft(settings.gravity, usual, told.gravity),
+    imuNoise: typeof noise === "string" ? noise : givenDensities,
     biasModel: settings.bias_model,
     imuSampling: settings.imu_sampling,
     lidarSampling: settings.lidar_sampling,
@@ -56,6 +57,25 @@ export function draftOf(settings: Served, usual: Usual): Draft {
     seed: settings.random_seed === 0 ? "" : String(settings.random_seed),
     rounds: settings.max_rounds === usual.max_rounds ? "" : String(settings.max_rounds),
   };
+}
+
+/** A limit as it is typed; `empty` is what nothing stands for. */
+function limitText(limit: number | null, empty: number | null): string {
+  return limit === empty ? "" : limit === null ? unlimited : String(limit);
+}
+
+function gravityDraft(
+  { magnitude_m_s2, std_m_s2 }: Served["gravity"],
+  usual: Usual,
+  told: Served["gravity"],
+): Pick<Draft, "gravity" | "gravityNumber"> {
+  if (magnitude_m_s2 === told.magnitude_m_s2 && std_m_s2 === told.std_m_s2)
+    return { gravity: "free", gravityNumber: "" };
+  if (std_m_s2 === 0 && isOnEarth(magnitude_m_s2)) return { gravity: "exact", gravityNumber: String(magnitude_m_s2) };
+  const latitudeDeg = std_m_s2 === usual.latitude_gravity_std_m_s2 ? latitudeOf(magnitude_m_s2) : null;
+  return latitudeDeg === null
+    ? { gravity: "before", gravityNumber: "" }
+    : { gravity: "latitude", gravityNumber: String(latitudeDeg) };
 }
 
 /** A field whose number is missing or out of its range: its name in the form, what people call it, and what it takes. */
@@ -90,18 +110,18 @@ export function problemsOf(draft: Draft, usual: Usual, axisNames: Partial<Record
     }),
     ...check(
       "gravity",
-      gravityOf(draft, usual) === undefined,
+      gravityOf(draft, usual, null) === undefined,
       draft.gravity === "latitude" ? "Latitude: a number from −90 to 90°." : "Gravity: a number between 9 and 10 m/s².",
     ),
     ...check(
       "points",
-      optional(draft.points, whole(1), null) === undefined,
-      "Points per plane and scan: a whole number above 0, or nothing.",
+      limitOf(draft.points, whole(1), null) === undefined,
+      "Points per plane and scan: a whole number above 0, “all”, or nothing.",
     ),
     ...check(
       "field",
-      optional(draft.fieldDeg, (value) => value > 0 && value <= 180, null) === undefined,
-      "Field of view: a number up to 180°, or nothing.",
+      limitOf(draft.fieldDeg, (value) => value > 0 && value <= 180, null) === undefined,
+      "Field of view: a number up to 180°, “all”, or nothing.",
     ),
     ...check("rounds", optional(draft.rounds, whole(1), null) === undefined, "Most rounds: a whole number above 0."),
     ...check("seed", optional(draft.seed, whole(0), null) === undefined, "Seed of the plane search: a whole number."),
@@ -111,18 +131,18 @@ export function problemsOf(draft: Draft, usual: Usual, axisNames: Partial<Record
 /** The settings that a draft stands for, the rest as before; null while a number is unfinished or out of its range. */
 export function settingsOf(draft: Draft, before: Served, usual: Usual): Partial<Settings> | null {
   const paper = draft.method === "paper";
-  const points = optional(
+  const points = limitOf(
     draft.points,
     (value) => Number.isInteger(value) && value > 0,
     paper ? usual.paper_points_per_plane_per_scan : null,
   );
-  const fieldDeg = optional(
+  const fieldDeg = limitOf(
     draft.fieldDeg,
     (value) => value > 0 && value <= 180,
     paper ? usual.paper_field_of_view_deg : null,
   );
-  const gravity = gravityOf(draft, usual);
-  const priors = draft.priors.map(priorOf);
+  const gravity = gravityOf(draft, usual, before.gravity);
+  const priors = draft.priors.map((text) => untouched(text, before) ?? priorOf(text));
   const seed = optional(draft.seed, (value) => Number.isInteger(value) && value >= 0, 0) ?? undefined;
   const rounds = optional(draft.rounds, (value) => Number.isInteger(value) && value > 0, usual.max_rounds) ?? undefined;
   if (points === undefined || fieldDeg === undefined || gravity === undefined) return null;
@@ -138,15 +158,24 @@ export function settingsOf(draft: Draft, before: Served, usual: Usual): Partial<
     imu_sampling: draft.imuSampling === "even" ? "even" : draft.imuSampling === "as-stamped" ? "as-stamped" : "detect",
     lidar_sampling: draft.lidarSampling === "as-stamped" ? "as-stamped" : "detect",
     cloud: before.cloud,
-    imu_noise: draft.imuNoise === "" ? null : draft.imuNoise,
+    crispness: before.crispness,
+    // Densities, and blocks that were named one by one, stay as they were.
+    imu_noise: draft.imuNoise === givenDensities ? before.imu_noise : draft.imuNoise === "" ? null : draft.imuNoise,
     excluded_spans_s: before.excluded_spans_s.map((span): [number, number] => [span[0] ?? 0, span[1] ?? 0]),
-    // Blocks that were named one by one stay as they were.
     intrinsics: intrinsicsChoices.find((choice) => choice === draft.intrinsics) ?? before.intrinsics,
     lidar: draft.lidar === "" ? null : draft.lidar,
     random_seed: seed,
     max_rounds: rounds,
     ...(gravity === null ? {} : { gravity }),
   };
+}
+
+/** The prior of the run before that a text still stands for: it has more digits than people read. */
+function untouched(text: PriorText, before: Served): Prior | undefined {
+  return before.priors.find((prior) => {
+    const { axis, value, sigma } = priorText(prior);
+    return axis === text.axis && value === text.value && sigma === text.sigma;
+  });
 }
 
 /** The number, what stands for an empty field, or undefined for what is no number that fits. */
@@ -156,13 +185,30 @@ function optional(text: string, fits: (value: number) => boolean, empty: number 
   return value !== null && fits(value) ? value : undefined;
 }
 
-function gravityOf({ gravity, gravityNumber }: Draft, usual: Usual): Settings["gravity"] | null | undefined {
+/** The same of a limit, which may be none. */
+function limitOf(text: string, fits: (value: number) => boolean, empty: number | null): number | null | undefined {
+  return text.trim().toLowerCase() === unlimited ? null : optional(text, fits, empty);
+}
+
+function isOnEarth(magnitude_m_s2: number): boolean {
+  return magnitude_m_s2 > 9 && magnitude_m_s2 < 10;
+}
+
+/** The gravity that is meant; null for the server's own, undefined while a number is missing.   before: of the run before. */
+function gravityOf(
+  { gravity, gravityNumber }: Draft,
+  usual: Usual,
+  before: Served["gravity"] | null,
+): Settings["gravity"] | null | undefined {
   if (gravity === "free") return null;
+  if (gravity === "before") return before;
   const value = numberOf(gravityNumber);
   if (value === null) return undefined;
-  if (gravity === "latitude")
-    return Math.abs(value) <= 90
-      ? { magnitude_m_s2: gravityAt(value), std_m_s2: usual.latitude_gravity_std_m_s2 }
-      : undefined;
-  return value > 9 && value < 10 ? { magnitude_m_s2: value, std_m_s2: 0 } : undefined;
+  if (gravity === "exact") return isOnEarth(value) ? { magnitude_m_s2: value, std_m_s2: 0 } : undefined;
+  if (Math.abs(value) > 90) return undefined;
+  const std_m_s2 = usual.latitude_gravity_std_m_s2;
+  // A latitude has fewer digits than the gravity it was read from.
+  return before?.std_m_s2 === std_m_s2 && latitudeOf(before.magnitude_m_s2) === value
+    ? before
+    : { magnitude_m_s2: gravityAt(value), std_m_s2 };
 }

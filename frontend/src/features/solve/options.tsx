@@ -7,7 +7,7 @@ import { sparse } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
-import { chosenBlocks, draftOf, priorField, problemsOf, settingsOf, type Draft } from "./draft";
+import { chosenBlocks, draftOf, givenDensities, priorField, problemsOf, settingsOf, type Draft } from "./draft";
 import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
@@ -41,8 +41,10 @@ interface ControlsProps extends SolveOptionsProps {
 
 function Controls({ facts, title, action, formId, before, onSolve, pending, error }: ControlsProps) {
   const { usual, imu_presets: presets } = facts;
-  const [draft, setDraft] = useState<Draft>(() => draftOf(before, usual));
+  const [draft, setDraft] = useState<Draft>(() => draftOf(before, usual, facts.solve_settings));
   const [guess, setGuess] = useState<OldExtrinsic | null>(null);
+  // What no control has another name for can be chosen as it was.
+  const kept = draftOf(before, usual, facts.solve_settings);
   const set = (part: Partial<Draft>) => setDraft((old) => ({ ...old, ...part }));
   const paper = draft.method === "paper";
   const settings = settingsOf(draft, before, usual);
@@ -118,11 +120,12 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
           <summary>Sensors, gravity and where to start</summary>
           <div className={css.grid}>
             {choice("gravity", "Gravity", [
-              { value: "free", label: "9.807 ± 0.02 m/s²" },
+              { value: "free", label: gravityText(facts.solve_settings.gravity) },
               { value: "latitude", label: "by latitude" },
               { value: "exact", label: "known exactly" },
+              ...(kept.gravity === "before" ? [{ value: "before", label: gravityText(before.gravity) }] : []),
             ])}
-            {draft.gravity !== "free" && (
+            {(draft.gravity === "latitude" || draft.gravity === "exact") && (
               <TextInput
                 size="xs"
                 inputMode="decimal"
@@ -137,6 +140,7 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
             {choice("imuNoise", "IMU noise", [
               { value: "", label: "as measured" },
               ...presets.map((name) => ({ value: name, label: name })),
+              ...(kept.imuNoise === givenDensities ? [{ value: givenDensities, label: givenDensities }] : []),
             ])}
             {choice("lidar", "Lidar", [
               { value: "", label: "as recognised" },
@@ -229,4 +233,8 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
       </form>
     </Section>
   );
+}
+
+function gravityText({ magnitude_m_s2, std_m_s2 }: Job["settings"]["gravity"]): string {
+  return `${Number(magnitude_m_s2.toPrecision(7))} ± ${Number(std_m_s2.toPrecision(3))} m/s²`;
 }

@@ -29,3 +29,15 @@ export function gravityAt(latitudeDeg: number): number {
   const s2 = Math.sin((latitudeDeg * Math.PI) / 180) ** 2;
   return (9.7803253359 * (1 + 0.00193185265241 * s2)) / Math.sqrt(1 - 0.00669437999014 * s2);
 }
+
+/** The latitude [°], north or south, to ten metres of way, at which gravity is so large; null where it is nowhere. */
+export function latitudeOf(magnitude_m_s2: number): number | null {
+  let [low, high] = [0, 90];
+  if (magnitude_m_s2 < gravityAt(low) || magnitude_m_s2 > gravityAt(high)) return null;
+  while (high - low > 1e-9) {
+    const middle = (low + high) / 2;
+    if (gravityAt(middle) < magnitude_m_s2) low = middle;
+    else high = middle;
+  }
+  return Number(high.toFixed(4));
+}

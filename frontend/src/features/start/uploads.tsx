@@ -12,6 +12,8 @@ export interface UploadProgress {
   name: string;
   size: number;
   samples: readonly RateSample[];
+  /** Whether it waits for this machine to be on a network again. */
+  waiting: boolean;
   fault: ApiFault | null;
 }
 
@@ -34,16 +36,23 @@ export function useUploads(): Uploads {
   return uploads;
 }
 
+/** What the page holds of an upload under way: the upload, and how to have it wait for no network any more. */
+interface Running {
+  upload: TusUpload;
+  dropped: AbortController;
+}
+
 /** Uploads go on whatever screen is shown, and resume by themselves after a lost connection or a restarted server. */
 export function UploadProvider({ children }: { children: ReactNode }) {
   const client = useQueryClient();
-  const running = useRef(new Map<string, TusUpload>());
+  const running = useRef(new Map<string, Running>());
   const [list, setList] = useState<readonly UploadProgress[]>([]);
 
   const start = useCallback(
     async (file: File) => {
       const { Upload } = await import("tus-js-client");
       const token = Symbol(file.name);
+      const dropped = new AbortController();
       const entries = new Map<symbol, UploadProgress>();
       const show = (change: Partial<UploadProgress>) => {
         const before = entries.get(token) ?? {
@@ -51,6 +60,7 @@ export function UploadProvider({ children }: { children: ReactNode }) {
           name: file.name,
           size: file.size,
           samples: [],
+          waiting: false,
           fault: null,
         };
         const after = { ...before, ...change };
@@ -70,11 +80,12 @@ export function UploadProvider({ children }: { children: ReactNode }) {
           onBeforeRequest: (request) => addChecksum(request, file),
           onShouldRetry: (error) => {
             const status = error.originalResponse?.getStatus() ?? 0;
+            // Without a network every try is in vain, and they are soon used up: onError waits for one.
             return navigator.onLine && (status < 400 || status >= 500 || passingStatuses.includes(status));
           },
           onUploadUrlAvailable: () => {
             const id = upload.url?.replace(/\/+$/, "").split("/").at(-1) ?? "";
-            running.current.set(id, upload);
+            running.current.set(id, { upload, dropped });
             show({ recordingId: id });
             resolve(id);
           },
@@ -92,6 +103,16 @@ export function UploadProvider({ children }: { children: ReactNode }) {
             void client.invalidateQueries({ queryKey: keys.recordings });
           },
           onError: (error) => {
+            if (!navigator.onLine) {
+              // The speed of before says nothing of the one to come.
+              show({ waiting: true, samples: (entries.get(token)?.samples ?? []).slice(-1) });
+              const goOn = () => {
+                show({ waiting: false });
+                upload.start(); // asks the server how much it has, and goes on from there
+              };
+              window.addEventListener("online", goOn, { once: true, signal: dropped.signal });
+              return;
+            }
             const fault = asFault(uploadError(error));
             show({ fault });
             reject(fault);
@@ -110,7 +131,9 @@ export function UploadProvider({ children }: { children: ReactNode }) {
 
   const cancel = useCallback(
     (recordingId: string) => {
-      void running.current.get(recordingId)?.abort(true);
+      const stopped = running.current.get(recordingId);
+      stopped?.dropped.abort();
+      void stopped?.upload.abort(true);
       running.current.delete(recordingId);
       setList((old) => old.filter((one) => one.recordingId !== recordingId));
       void client.invalidateQueries({ queryKey: keys.recordings });
