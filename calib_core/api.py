@@ -14,7 +14,7 @@ from __future__ import annotations
 import gc
 import importlib
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from calib_core.doctor.report import DoctorReport, OnReport
     from calib_core.full.assess.own_errors import Lasers
     from calib_core.full.foresight import Foresight
+    from calib_core.full.known_extrinsic import HeldMotion
     from calib_core.maps.files import StructArray
     from calib_core.maps.room import Room
     from calib_core.maps.surface import Mesh
@@ -294,7 +295,7 @@ def deskew(
 
     out: without suffix a folder of .ply or .pcd files, else a bag of the same kind.   map_out: .ply or .pcd for the
     accumulated map beside it.   correct_lasers: take out what the calibration found of the lasers (offsets and scales of
-    ranges, angles), too.
+    ranges, angles), too, of scans and map.
     """
     from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector
     from calib_core.readers.container.unpacked import kept_unpacked
@@ -317,7 +318,7 @@ def deskew(
             recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
         )
         if made_map is not None:
-            _write_map(recording, motion.solved, made_map, should_cancel)
+            _write_map(recording, motion, made_map, should_cancel)
         return rewrite_clouds(
             path,
             recording.lidar.topic,
@@ -330,13 +331,14 @@ def deskew(
         )
 
 
-def _write_map(recording: Recording, trajectory: Trajectory | None, out: Path, should_cancel: ShouldCancel) -> None:
+def _write_map(recording: Recording, motion: HeldMotion, out: Path, should_cancel: ShouldCancel) -> None:
     from calib_core.maps.files import write_cloud
     from calib_core.maps.room import no_map
 
-    if trajectory is None:
+    if motion.solved is None:
         raise no_map(recording.name)
-    write_cloud(out, room_map(recording, trajectory, should_cancel=should_cancel).with_normals())
+    room = room_map(recording, motion.solved, correct=motion.correct, should_cancel=should_cancel)
+    write_cloud(out, room.with_normals())
 
 
 def room_map(
@@ -344,12 +346,17 @@ def room_map(
     trajectory: Trajectory,
     *,
     voxel_m: float = 0.05,
+    correct: Callable[[Scan], Scan] | None = None,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Room:
-    """The room as one cloud in the map frame, strays left out, with normals towards the lidar; Open3D's work."""
+    """The room as one cloud in the map frame, strays left out, with normals towards the lidar; Open3D's work.
+
+    correct: what is done to a scan's points before, as taking the lasers' errors out of them.
+    """
     from calib_core.maps import room
 
-    return room.room_of(recording.scans, trajectory, voxel_m, should_cancel=should_cancel)
+    scans: Iterable[Scan] = recording.scans if correct is None else map(correct, recording.scans)
+    return room.room_of(scans, trajectory, voxel_m, should_cancel=should_cancel)
 
 
 def room_mesh(room: Room, *, triangles: int | None = None) -> Mesh:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from app.cli.shared_options import add_lasers, add_manner, add_reading, add_recording, add_solving
+from app.cli.shared_options import add_manner, add_reading, add_recording, add_solving
 from app.cli.usage import Parser, natural, positive, seconds
 from calib_core import __version__
 
@@ -136,7 +136,11 @@ def _add_deskew(commands: Commands[Parser]) -> None:
     command.add_argument(
         "--map", type=Path, metavar="FILE", help="write the accumulated map too, voxels of 5 cm: .ply or .pcd"
     )
-    add_lasers(command)
+    command.add_argument(
+        "--correct-lasers",
+        action="store_true",
+        help="take out what the calibration found of the lasers, too, of scans and map: offsets and scales of ranges, angles",
+    )
     add_reading(command)
     add_manner(command)
 
@@ -165,7 +169,6 @@ def _add_audit(commands: Commands[Parser]) -> None:
         default="imu_lidar",
         help="of a bare matrix; imu_lidar takes lidar coordinates to the IMU's (%(default)s)",
     )
-    add_lasers(command)
     add_reading(command)
     add_manner(command)
 

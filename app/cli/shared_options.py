@@ -165,15 +165,6 @@ def add_reading(command: Parser) -> None:
     )
 
 
-def add_lasers(command: Parser) -> None:
-    """Whether points are put where the calibration has found them to be."""
-    command.add_argument(
-        "--correct-lasers",
-        action="store_true",
-        help="take out what the calibration found of the lasers, too: offsets and scales of ranges, angles",
-    )
-
-
 def add_manner(command: Parser) -> None:
     """What is told on the way."""
     group = command.add_argument_group("what is told on the way")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,7 +35,7 @@ class Room:
 
 
 def room_of(
-    scans: Sequence[Scan], trajectory: Trajectory, voxel_m: float, *, should_cancel: ShouldCancel = never_cancel
+    scans: Iterable[Scan], trajectory: Trajectory, voxel_m: float, *, should_cancel: ShouldCancel = never_cancel
 ) -> Room:
     """The room of the scans whose motion is known. Raises InputError where that is none of them."""
     cloud = accumulate((s for s in scans if covers(trajectory, s)), trajectory, voxel_m, should_cancel=should_cancel)
