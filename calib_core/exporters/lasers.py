@@ -1,12 +1,19 @@
 """Each laser's own errors as corrections: by how much to lengthen its ranges, to raise it and to turn it.
 
-A correction of a range is minus the range offset found (calib_core/intrinsics.py): what is added to a published range. It holds
-the laser's own offset and the one that all lasers share. Its standard deviation takes the two for independent; what a recording
-tells is mostly their sum, so that it is rather too large than too small.
+A correction is what is added, never what is wrong, and is called so: the result's offsets and scales of ranges (intrinsics.py)
+have the other sign. With those of the laser that returned a point, in this order,
+
+    range      = (published range + range_correction_m) (1 + range_scale_correction)
+    elevation  = published elevation + elevation_correction_rad      [from the lidar's xy plane, upwards]
+    azimuth    = published azimuth + azimuth_correction_rad          [atan2(y, x)]
+
+A correction of a range holds the laser's own offset and the one that all lasers share. Its standard deviation takes the two for
+independent; what a recording tells is mostly their sum, so that it is rather too large than too small.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import hypot
 
@@ -16,29 +23,47 @@ from calib_core.intrinsics import blocks_of
 from calib_core.result import CalibrationResult, Intrinsic
 
 _OF_LASERS = blocks_of("laser")
+#: The table's columns, each with its decimals: micrometres, and a tenth of a microradian, which is a micrometre at ten metres.
+_COLUMNS = {
+    "range_correction": ("range_m", "range_std_m", "_m", 6),
+    "range_scale_correction": ("range_scale", "range_scale_std", "", 7),
+    "elevation_correction": ("elevation_rad", "elevation_std_rad", "_rad", 7),
+    "azimuth_correction": ("azimuth_rad", "azimuth_std_rad", "_rad", 7),
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """What is added: to a published range, elevation and azimuth. ring: as the points name it.   number: firing order."""
+    """What is added: to a published range, then to a factor of 1 on it, to its elevation and its azimuth, each with its standard
+    deviation. ring: as the points name it.   number: firing order.
+    """
 
     ring: int
     number: int
     range_m: float
     range_std_m: float
+    range_scale: float
+    range_scale_std: float
     elevation_rad: float
     elevation_std_rad: float
     azimuth_rad: float
-    range_scale: float
+    azimuth_std_rad: float
 
 
 @dataclass(frozen=True, slots=True)
 class Lasers:
-    """Of one lidar, in firing order where its model is known, else by ring. considered: found, but not applied."""
+    """Of one lidar, in firing order where its model is known, else by ring. considered: found, but not applied.
+
+    eccentricity_rad, incidence_m, grazing_rad: what all lasers share and no correction of a laser holds, as intrinsics.py has it;
+    of the eccentricity its size.
+    """
 
     corrections: tuple[Correction, ...]
     model: VelodyneModel | None
     considered: bool
+    eccentricity_rad: float
+    incidence_m: float
+    grazing_rad: float
 
 
 def lasers_of(result: CalibrationResult) -> Lasers:
@@ -58,37 +83,54 @@ def lasers_of(result: CalibrationResult) -> Lasers:
         model, numbers = None, {ring: ring for ring in rings}
     corrections = (_correction(found, ring, numbers[ring]) for ring in rings)
     considered = any(each.state == "considered" for (block, _), each in found.items() if block in _OF_LASERS)
-    return Lasers(tuple(sorted(corrections, key=lambda each: each.number)), model, considered)
+    return Lasers(
+        corrections=tuple(sorted(corrections, key=lambda each: each.number)),
+        model=model,
+        considered=considered,
+        eccentricity_rad=hypot(_one(found, "eccentricity", "sine")[0], _one(found, "eccentricity", "cosine")[0]),
+        incidence_m=_one(found, "incidence", "all")[0],
+        grazing_rad=_one(found, "grazing", "all")[0],
+    )
 
 
 def lasers_csv(result: CalibrationResult) -> str:
-    """A row a laser; nothing but the table, so that every reader of tables takes it."""
-    rows = [
-        f"{each.number},{each.ring},{each.range_m:.6f},{each.range_std_m:.6f},"
-        f"{each.elevation_rad:.7f},{each.elevation_std_rad:.7f}"
-        for each in lasers_of(result).corrections
+    """A row a laser; nothing but the table, so that every reader of tables takes it: its columns' names say what they are."""
+    names = [f"{name}{part}{unit}" for name, (_, _, unit, _) in _COLUMNS.items() for part in ("", "_std")]
+    rows = [f"{each.number},{each.ring},{','.join(_cells(each))}" for each in lasers_of(result).corrections]
+    return "\n".join([f"laser,ring,{','.join(names)}", *rows]) + "\n"
+
+
+def _cells(correction: Correction) -> list[str]:
+    return [
+        f"{getattr(correction, field):z.{decimals}f}"
+        for value, std, _, decimals in _COLUMNS.values()
+        for field in (value, std)
     ]
-    head = "laser,ring,range_offset_m,range_offset_std_m,elevation_rad,elevation_std_rad"
-    return "\n".join([head, *rows]) + "\n"
 
 
-def _correction(found: dict[tuple[str, str], Intrinsic], ring: int, number: int) -> Correction:
-    def one(block: str, name: str) -> tuple[float, float]:
-        parameter = found.get((block, name))
-        return (0.0, 0.0) if parameter is None else (parameter.value, parameter.std)
+def _one(found: Mapping[tuple[str, str], Intrinsic], block: str, name: str) -> tuple[float, float]:
+    """Value and standard deviation of a parameter, zeros where it is none of the result's."""
+    parameter = found.get((block, name))
+    return (0.0, 0.0) if parameter is None else (parameter.value, parameter.std)
 
-    own, own_std = one("laser_range_offset", str(ring))
-    every, every_std = one("range_offset", "all")
-    elevation, elevation_std = one("laser_elevation", str(ring))
+
+def _correction(found: Mapping[tuple[str, str], Intrinsic], ring: int, number: int) -> Correction:
+    own, own_std = _one(found, "laser_range_offset", str(ring))
+    every, every_std = _one(found, "range_offset", "all")
+    scale, scale_std = _one(found, "laser_range_scale", str(ring))
+    elevation, elevation_std = _one(found, "laser_elevation", str(ring))
+    azimuth, azimuth_std = _one(found, "laser_azimuth", str(ring))
     return Correction(
         ring=ring,
         number=number,
         range_m=-(own + every),
         range_std_m=hypot(own_std, every_std),
+        range_scale=-scale / (1.0 + scale),
+        range_scale_std=scale_std,
         elevation_rad=elevation,
         elevation_std_rad=elevation_std,
-        azimuth_rad=one("laser_azimuth", str(ring))[0],
-        range_scale=one("laser_range_scale", str(ring))[0],
+        azimuth_rad=azimuth,
+        azimuth_std_rad=azimuth_std,
     )
 
 

@@ -74,7 +74,15 @@ def _comments(result: CalibrationResult, lasers: Lasers) -> list[str]:
         lines.append(
             f"laser_id is the firing order; the angles are a {lasers.model.name}'s with the corrections found."
         )
-    scale = max(abs(each.range_scale) for each in lasers.corrections)
-    if scale > 0.0:
-        lines.append(f"Left out, for this form has no place for it: a range scale of up to {scale:.3%}.")
+    lines.append(_left_out(lasers))
     return [*lines, FOUND_BESIDE] if lasers.considered else lines
+
+
+def _left_out(lasers: Lasers) -> str:
+    """What a driver's file has no key for. A two-point correction is no scale: it goes by |x| and |y|, and is an HDL-64's."""
+    scale = max((each.range_scale for each in lasers.corrections), key=abs)
+    return (
+        f"No place is in this form for a range scale (up to {scale:+z.3%} to be added), an encoder off its axis (up to "
+        f"{np.degrees(lasers.eccentricity_rad):.4f} deg once a turn) and what a slant does to ranges (incidence "
+        f"{1e3 * lasers.incidence_m:+z.1f} mm, grazing {1e3 * lasers.grazing_rad:+z.2f} mrad): left out."
+    )

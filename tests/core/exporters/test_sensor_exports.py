@@ -157,8 +157,72 @@ def test_a_row_a_laser() -> None:
     rows = list(csv.DictReader(io.StringIO(export(result, "lasers-csv"))))
     assert [row["laser"] for row in rows] == [str(k) for k in range(16)]
     assert [row["ring"] for row in rows][:4] == ["0", "8", "1", "9"]
-    assert list(rows[15].values()) == ["15", "15", "-0.008000", "0.005000", "-0.0005000", "0.0001000"]
-    assert rows[0]["range_offset_m"] == "0.002500"
+    assert rows[15] == {
+        "laser": "15",
+        "ring": "15",
+        "range_correction_m": "-0.008000",
+        "range_correction_std_m": "0.005000",
+        "range_scale_correction": "0.0000000",
+        "range_scale_correction_std": "0.0000000",
+        "elevation_correction_rad": "-0.0005000",
+        "elevation_correction_std_rad": "0.0001000",
+        "azimuth_correction_rad": "0.0000000",
+        "azimuth_correction_std_rad": "0.0000000",
+    }
+    assert rows[0]["range_correction_m"] == "0.002500"
+
+
+def test_the_table_puts_points_where_the_correction_does() -> None:
+    """Oracle: LaserErrors.corrected, of points of lasers that are off in all four ways, against the table's own rule as
+    docs/formats.md has it. Mutations: each column's sign turned, left out, or taken for another's; the shared offset left out."""
+    rng = np.random.default_rng(6)
+    offsets, scales, elevations, azimuths = rng.normal(0, [[0.008], [0.003], [0.002], [0.002]], (4, 16))
+    blocks = ("laser_range_offset", "laser_range_scale", "laser_elevation", "laser_azimuth")
+    found = [
+        parameter(block, str(ring), float(values[ring]), 1e-4 * (1 + place))
+        for place, (block, values) in enumerate(zip(blocks, (offsets, scales, elevations, azimuths), strict=True))
+        for ring in range(16)
+    ]
+    every = parameter("range_offset", "all", 0.004, 0.0)
+    text = export(lasers_result(*found, every), "lasers-csv")
+    table = {
+        int(row["ring"]): {key: float(value) for key, value in row.items()} for row in csv.DictReader(io.StringIO(text))
+    }
+    ring = rng.integers(0, 16, 200).astype(np.uint16)
+    xyz = rng.normal((30, 0, 0), 10, (200, 3)).astype(np.float32)
+    right = LaserErrors(offsets + 0.004, scales, elevations, azimuths, np.zeros(1)).corrected(xyz, ring)
+    for point, laser, expected in zip(xyz.astype(np.float64), ring, right, strict=True):
+        add = table[int(laser)]
+        r = (np.linalg.norm(point) + add["range_correction_m"]) * (1.0 + add["range_scale_correction"])
+        up = np.arcsin(point[2] / np.linalg.norm(point)) + add["elevation_correction_rad"]
+        head = np.arctan2(point[1], point[0]) + add["azimuth_correction_rad"]
+        here = r * np.array([np.cos(up) * np.cos(head), np.cos(up) * np.sin(head), np.sin(up)])
+        np.testing.assert_allclose(here, expected, atol=2e-5)
+    names = (
+        "range_correction_std_m",
+        "range_scale_correction_std",
+        "elevation_correction_std_rad",
+        "azimuth_correction_std_rad",
+    )
+    assert [table[3][name] for name in names] == pytest.approx([1e-4, 2e-4, 3e-4, 4e-4])
+
+
+def test_what_a_drivers_file_has_no_place_for_is_said() -> None:
+    """In one line. Mutations: the scale, or what all lasers share, passed over; one of an eccentricity's two alone."""
+    found = (
+        parameter("laser_range_scale", "4", 0.002),
+        parameter("eccentricity", "sine", 3e-4),
+        parameter("eccentricity", "cosine", -4e-4),
+        parameter("incidence", "all", 0.003),
+        parameter("grazing", "all", -0.0012),
+    )
+    (line,) = [
+        line for line in export(lasers_result(*found), "velodyne-calibration").splitlines() if "left out" in line
+    ]
+    assert line == (
+        "# No place is in this form for a range scale (up to -0.200% to be added), an encoder off its axis (up to 0.0286 deg "
+        "once a turn) and what a slant does to ranges (incidence +3.0 mm, grazing -1.20 mrad): left out."
+    )
 
 
 def test_an_imu_as_kalibr_reads_it() -> None:
