@@ -1,11 +1,11 @@
 """Each laser's own errors as corrections: by how much to lengthen its ranges, to raise it and to turn it.
 
-A correction is what is added, never what is wrong, and is called so: the result's offsets and scales of ranges (intrinsics.py)
-have the other sign. With those of the laser that returned a point, in this order,
+A correction is what is added, never what is wrong: the result's offsets and scales of ranges (intrinsics.py) have the other
+sign. With the table's columns, whose first six other programs rely on, of the laser that returned a point, in this order,
 
-    range      = (published range + range_correction_m) (1 + range_scale_correction)
-    elevation  = published elevation + elevation_correction_rad      [from the lidar's xy plane, upwards]
-    azimuth    = published azimuth + azimuth_correction_rad          [atan2(y, x)]
+    range      = (published range + range_offset_m) (1 + range_scale)
+    elevation  = published elevation + elevation_rad      [from the lidar's xy plane, upwards]
+    azimuth    = published azimuth + azimuth_rad          [atan2(y, x)]
 
 A correction of a range holds the laser's own offset and the one that all lasers share. Its standard deviation takes the two for
 independent; what a recording tells is mostly their sum, so that it is rather too large than too small.
@@ -23,12 +23,17 @@ from calib_core.intrinsics import blocks_of
 from calib_core.result import CalibrationResult, Intrinsic
 
 _OF_LASERS = blocks_of("laser")
-#: The table's columns, each with its decimals: micrometres, and a tenth of a microradian, which is a micrometre at ten metres.
+#: The table's columns, each with its field and decimals: micrometres, and a tenth of a microradian, which is a micrometre at ten
+#: metres.
 _COLUMNS = {
-    "range_correction": ("range_m", "range_std_m", "_m", 6),
-    "range_scale_correction": ("range_scale", "range_scale_std", "", 7),
-    "elevation_correction": ("elevation_rad", "elevation_std_rad", "_rad", 7),
-    "azimuth_correction": ("azimuth_rad", "azimuth_std_rad", "_rad", 7),
+    "range_offset_m": ("range_m", 6),
+    "range_offset_std_m": ("range_std_m", 6),
+    "elevation_rad": ("elevation_rad", 7),
+    "elevation_std_rad": ("elevation_std_rad", 7),
+    "azimuth_rad": ("azimuth_rad", 7),
+    "azimuth_std_rad": ("azimuth_std_rad", 7),
+    "range_scale": ("range_scale", 7),
+    "range_scale_std": ("range_scale_std", 7),
 }
 
 
@@ -94,18 +99,13 @@ def lasers_of(result: CalibrationResult) -> Lasers:
 
 
 def lasers_csv(result: CalibrationResult) -> str:
-    """A row a laser; nothing but the table, so that every reader of tables takes it: its columns' names say what they are."""
-    names = [f"{name}{part}{unit}" for name, (_, _, unit, _) in _COLUMNS.items() for part in ("", "_std")]
+    """A row a laser; nothing but the table, so that every reader of tables takes it."""
     rows = [f"{each.number},{each.ring},{','.join(_cells(each))}" for each in lasers_of(result).corrections]
-    return "\n".join([f"laser,ring,{','.join(names)}", *rows]) + "\n"
+    return "\n".join([f"laser,ring,{','.join(_COLUMNS)}", *rows]) + "\n"
 
 
 def _cells(correction: Correction) -> list[str]:
-    return [
-        f"{getattr(correction, field):z.{decimals}f}"
-        for value, std, _, decimals in _COLUMNS.values()
-        for field in (value, std)
-    ]
+    return [f"{getattr(correction, field):z.{decimals}f}" for field, decimals in _COLUMNS.values()]
 
 
 def _one(found: Mapping[tuple[str, str], Intrinsic], block: str, name: str) -> tuple[float, float]:

@@ -160,16 +160,16 @@ def test_a_row_a_laser() -> None:
     assert rows[15] == {
         "laser": "15",
         "ring": "15",
-        "range_correction_m": "-0.008000",
-        "range_correction_std_m": "0.005000",
-        "range_scale_correction": "0.0000000",
-        "range_scale_correction_std": "0.0000000",
-        "elevation_correction_rad": "-0.0005000",
-        "elevation_correction_std_rad": "0.0001000",
-        "azimuth_correction_rad": "0.0000000",
-        "azimuth_correction_std_rad": "0.0000000",
+        "range_offset_m": "-0.008000",
+        "range_offset_std_m": "0.005000",
+        "range_scale": "0.0000000",
+        "range_scale_std": "0.0000000",
+        "elevation_rad": "-0.0005000",
+        "elevation_std_rad": "0.0001000",
+        "azimuth_rad": "0.0000000",
+        "azimuth_std_rad": "0.0000000",
     }
-    assert rows[0]["range_correction_m"] == "0.002500"
+    assert rows[0]["range_offset_m"] == "0.002500"
 
 
 def test_the_table_puts_points_where_the_correction_does() -> None:
@@ -193,16 +193,16 @@ def test_the_table_puts_points_where_the_correction_does() -> None:
     right = LaserErrors(offsets + 0.004, scales, elevations, azimuths, np.zeros(1)).corrected(xyz, ring)
     for point, laser, expected in zip(xyz.astype(np.float64), ring, right, strict=True):
         add = table[int(laser)]
-        r = (np.linalg.norm(point) + add["range_correction_m"]) * (1.0 + add["range_scale_correction"])
-        up = np.arcsin(point[2] / np.linalg.norm(point)) + add["elevation_correction_rad"]
-        head = np.arctan2(point[1], point[0]) + add["azimuth_correction_rad"]
+        r = (np.linalg.norm(point) + add["range_offset_m"]) * (1.0 + add["range_scale"])
+        up = np.arcsin(point[2] / np.linalg.norm(point)) + add["elevation_rad"]
+        head = np.arctan2(point[1], point[0]) + add["azimuth_rad"]
         here = r * np.array([np.cos(up) * np.cos(head), np.cos(up) * np.sin(head), np.sin(up)])
         np.testing.assert_allclose(here, expected, atol=2e-5)
     names = (
-        "range_correction_std_m",
-        "range_scale_correction_std",
-        "elevation_correction_std_rad",
-        "azimuth_correction_std_rad",
+        "range_offset_std_m",
+        "range_scale_std",
+        "elevation_std_rad",
+        "azimuth_std_rad",
     )
     assert [table[3][name] for name in names] == pytest.approx([1e-4, 2e-4, 3e-4, 4e-4])
 
