@@ -11,7 +11,7 @@ import pytest
 
 from calib_core.document import Heard
 from calib_core.errors import Refused
-from calib_core.full import calibrate as page
+from calib_core.full import attempts as page
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.joint.sheets import Beyond
@@ -64,7 +64,7 @@ def solved(monkeypatch: pytest.MonkeyPatch, estimator: Estimator, *, followed: i
     )
     track: Any = SimpleNamespace(motions=range(followed), planes=())
     unused: Any = None
-    return page.solve(run, track, unused, unused, None, FULL, motion)
+    return page.solve(run, page.Task(track, unused, unused, None, unused, FULL, motion))
 
 
 def test_an_answer_that_can_be_true_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -163,16 +163,17 @@ def asked_of(
     unused: Any = None
     settings = CalibrateSettings(intrinsics=mode)
     run = Run(unused, settings, unused, unused, unused, hear, unused, heard=heard)
-    planes: Any = [SimpleNamespace(name=counting)]
+    track: Any = SimpleNamespace(planes=[SimpleNamespace(name=counting)])
+    task = page.Task(track, unused, unused, None, settings)
 
-    def judged(run: Run, solved: Any) -> Any:
+    def judged(run: Run, solved: Any, of: page.Task) -> Any:
+        assert of is task
         return run.settings.intrinsics + " any" * bool(run.beyond_sheets), str(solved)
 
-    def once(run: Run) -> Any:
-        return outcome(run, run.settings.intrinsics)
-
+    monkeypatch.setattr(page, "judged", judged)
+    monkeypatch.setattr(page, "solve", lambda run, _: outcome(run, run.settings.intrinsics))
     try:
-        return asked, said, page.with_sensors_as_they_are(run, planes, once, judged)
+        return asked, said, page.answered(run, task)
     except Refused as refused:
         return asked, said, refused.code
 

@@ -12,6 +12,7 @@ import pytest
 
 from calib_core.document import Heard
 from calib_core.errors import Refused
+from calib_core.full import attempts
 from calib_core.full import calibrate as page
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.odometry.reference import Followed
@@ -45,13 +46,13 @@ def counted(
     left = list(outcomes)
     unused: Any = None
 
-    def solve(_run: Any, followed: Followed, *rest: Any) -> Any:
-        late = followed.late or [False] * len(followed.planes)
+    def solve(_run: Any, task: attempts.Task) -> Any:
+        followed, late = task.followed, task.followed.late or [False] * len(task.followed.planes)
         names = [("+" if is_late else "") + p.name for p, is_late in zip(followed.planes, late, strict=True)]
-        schedule, motion, kept = rest[-3:]
-        asked.append((schedule, names + [f"-{plane.name}" for plane in followed.dropped]))
-        assert (motion is None) == (schedule is FULL)  # a choice begins from a motion that all planes have told
-        assert kept is None or schedule is FULL
+        asked.append((task.schedule, names + [f"-{plane.name}" for plane in followed.dropped]))
+        # A choice begins from a motion that all planes have told.
+        assert (task.motion is None) == (task.schedule is FULL)
+        assert task.kept is None or task.schedule is FULL
         one = left.pop(0)
         if isinstance(one, Refused):
             _run.say("info", "of an attempt", "a wall was left out")
@@ -66,26 +67,21 @@ def counted(
     monkeypatch.setattr(page, "in_the_tracks_frame", lambda _run, planes: planes)
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
-    monkeypatch.setattr(page, "solve", solve)
-    monkeypatch.setattr(
-        page,
-        "motion_by_everything",
-        lambda _run, track, *_: page.Motion(unused, unused, track) if len(track.planes) == len(seen) else None,
-    )
+    monkeypatch.setattr(attempts, "solve", solve)
     monkeypatch.setattr(page, "called_as", lambda state, *_: state)
     judged: list[object] = []
-    monkeypatch.setattr(page, "beyond_sheets", lambda _solved: None)
-    monkeypatch.setattr(page, "require_sound_choice", judged.append)
-    monkeypatch.setattr(page, "weighed", lambda _run, solved, is_choice: (solved, is_choice and solved in judged))
-    monkeypatch.setattr(page, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
+    monkeypatch.setattr(attempts, "beyond_sheets", lambda _solved: None)
+    monkeypatch.setattr(attempts, "require_sound_choice", judged.append)
+    monkeypatch.setattr(attempts, "weighed", lambda _run, solved, is_choice: (solved, is_choice and solved in judged))
+    monkeypatch.setattr(attempts, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
     heard = Heard(lambda event: said.append(getattr(event, "code", "")), [])
     run = Run(unused, settings, unused, unused, unused, heard, unused, heard=heard)
 
-    def motion(run: Run, track: Followed, *_: Any) -> Any:
+    def motion(run: Run, task: attempts.Task, _: Any) -> Any:
         if comes:
             run.say("info", "planes.found", "one more plane came into view after the start and is used")
-        return page.Motion(unused, unused, track) if len(track.planes) == len(seen) else None
+        return attempts.Motion(unused, unused, task.followed) if len(task.followed.planes) == len(seen) else None
 
     monkeypatch.setattr(page, "motion_by_everything", motion)
     try:

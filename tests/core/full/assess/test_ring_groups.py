@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.api import calibrate
-from calib_core.full import calibrate as page
+from calib_core.full import attempts
 from calib_core.full.assess.confidence import Confidence
 from calib_core.full.assess.verdict import weigh
 from calib_core.full.joint import by_laser as room
@@ -63,7 +63,7 @@ def weighed(recording: Recording, intrinsics: Any, **more: Any) -> Weighed:
 
     settings = CalibrateSettings(intrinsics=intrinsics, crispness=False, **more)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(page, "weigh", watched)
+        patch.setattr(attempts, "weigh", watched)
         result = calibrate(recording, settings).result
     return Weighed(*kept[-1], {message.code: message.text for message in result.messages})
 

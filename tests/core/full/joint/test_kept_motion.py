@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from calib_core.calibrate import Calibration, calibrate
-from calib_core.full import calibrate as page
+from calib_core.full import attempts
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import COUNTING, Estimation, MapPlane
 from calib_core.full.joint.kept_motion import KeptMotion, called_as
@@ -150,7 +150,7 @@ def test_a_second_solve_is_the_one_from_scratch_to_the_last_digit(
     def again(*_: object) -> None:
         raise AssertionError("the motion was told once more")
 
-    monkeypatch.setattr(page, "motion_by_all", again)
+    monkeypatch.setattr(attempts, "motion_by_all", again)
     for name in ("untouched", "another choice"):
         second = calibrate(recording, settings, planes=choice, kept_in=tmp_path / name)
         assert _document(second) == _document(alone)
