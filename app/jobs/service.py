@@ -36,7 +36,7 @@ from app.logs import about
 from app.schemas.jobs import Job, JobKind, JobMessage, JobState, PlaneLook
 from app.settings import AppSettings
 from app.storage.files import DataFolder
-from app.storage.records import JobRecord
+from app.storage.records import JobRecord, RecordingChanges
 from app.storage.store import JobStore
 
 _LOG = logging.getLogger("unsweep")
@@ -53,7 +53,8 @@ STOP_WAIT_S = 10.0
 class JobService:
     """All jobs of the application.
 
-    make_order: what a job's worker is told.   looks_of: how planes of a recording's solve are shown.
+    make_order: what a job's worker is told.   means: what changes of a recording with a job of it.
+    looks_of: how planes of a recording's solve are shown.
     Tells the bus of every change of state, of what jobs say, and of who has come nearer to the front of the queue.
     """
 
@@ -66,6 +67,7 @@ class JobService:
         launcher: Launcher,
         bus: Bus,
         make_order: Callable[[JobRecord], Order],
+        means: Callable[[JobRecord], RecordingChanges] = lambda _: {},
         looks_of: Callable[[str, Sequence[OrderedPlane]], list[PlaneLook]] = lambda _, __: [],
     ) -> None:
         self.logs = JobLogs(files)
@@ -78,7 +80,7 @@ class JobService:
         self._bus = bus
         self._lock = threading.RLock()
         self._line = Line(store, self._lock)
-        self._states = JobStates(store, self.logs, self._line, lock=self._lock, bus=bus, looks_of=looks_of)
+        self._states = JobStates(store, self.logs, self._line, lock=self._lock, bus=bus, means=means, looks_of=looks_of)
         self._threads: dict[str, threading.Thread] = {}
         self._closing = False
 
@@ -240,10 +242,16 @@ class JobService:
             self.start_queued()
 
     def _end_when_there_is_room(self, job_id: str, ending: Parcel | None) -> None:
-        """End the job; on a full disk once its state can be kept."""
+        """End the job, and have drawn what follows from that; on a full disk once it can be kept.
+
+        It ends once, however often what follows has to be tried.
+        """
+        ended: JobRecord | None = None
         while True:
             try:
-                self._end(job_id, ending)
+                if ended is None:
+                    ended = self._end(job_id, ending)
+                self._states.tell(ended)
             except DiskFull:
                 if self._closing:
                     return  # found interrupted at the next start
@@ -268,19 +276,17 @@ class JobService:
         elif self.get(job_id).state == "cancelling":
             self._processes.ask_to_stop(job_id)
 
-    def _end(self, job_id: str, ending: Parcel | None) -> None:
+    def _end(self, job_id: str, ending: Parcel | None) -> JobRecord:
         if isinstance(ending, Finished):
-            self._states.move(job_id, "finish", outcome_json=ending.outcome.model_dump_json())
-        elif isinstance(ending, Failed):
-            self._states.move(job_id, "fail", error_json=ending.error.model_dump_json())
-        elif self._closing:
-            self._states.move(job_id, "lose")
-        elif self._processes.is_overdue(job_id):
+            return self._states.enter(job_id, "finish", outcome_json=ending.outcome.model_dump_json())
+        if isinstance(ending, Failed):
+            return self._states.enter(job_id, "fail", error_json=ending.error.model_dump_json())
+        if self._closing:
+            return self._states.enter(job_id, "lose")
+        if self._processes.is_overdue(job_id):
             facts = too_long(self._settings.limit_s(self.get(job_id).kind))
-            self._states.move(job_id, "fail", error_json=facts.model_dump_json())
-        elif self.get(job_id).state == "cancelling":
-            self._states.move(job_id, "stop")
-        else:
-            self._states.move(
-                job_id, "fail", error_json=(STOPPED if isinstance(ending, Stopped) else DIED).model_dump_json()
-            )
+            return self._states.enter(job_id, "fail", error_json=facts.model_dump_json())
+        if self.get(job_id).state == "cancelling":
+            return self._states.enter(job_id, "stop")
+        facts = STOPPED if isinstance(ending, Stopped) else DIED
+        return self._states.enter(job_id, "fail", error_json=facts.model_dump_json())

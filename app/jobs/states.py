@@ -21,7 +21,7 @@ from app.jobs.machine import FINAL, Signal, transition
 from app.jobs.orders import OrderedPlane
 from app.jobs.wire import Progress, job_of
 from app.schemas.jobs import Job, JobState, JobStateEvent, PlaneLook
-from app.storage.records import JobRecord
+from app.storage.records import JobRecord, RecordingChanges
 from app.storage.store import JobStore
 from calib_core.events import Event, IterationEvent, LogEvent, StageEvent
 
@@ -29,7 +29,8 @@ from calib_core.events import Event, IterationEvent, LogEvent, StageEvent
 class JobStates:
     """The states of all jobs.
 
-    lock: under which they change.   looks_of: how planes of a recording's solve are shown.
+    lock: under which they change.   means: what changes of a recording with a job of it, in the same transaction.
+    looks_of: how planes of a recording's solve are shown.
     """
 
     def __init__(
@@ -40,6 +41,7 @@ class JobStates:
         *,
         lock: threading.RLock,
         bus: Bus,
+        means: Callable[[JobRecord], RecordingChanges],
         looks_of: Callable[[str, Sequence[OrderedPlane]], list[PlaneLook]],
     ) -> None:
         self._store = store
@@ -47,6 +49,7 @@ class JobStates:
         self._line = line
         self._lock = lock
         self._bus = bus
+        self._means = means
         self._looks_of = looks_of
         self._progress: dict[str, Progress] = {}
 
@@ -71,7 +74,7 @@ class JobStates:
     def add(self, record: JobRecord) -> None:
         """A job that waits."""
         with self._lock:
-            record = self._store.add(record)
+            record = self._store.add(record, recording=self._means(record))
             self._line.has_moved()
         self.tell(record)
 
@@ -79,36 +82,42 @@ class JobStates:
         self, job_id: str, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
     ) -> JobRecord:
         """Into its next state, told. Raises IllegalTransition, NotFound, DiskFull."""
+        record = self.enter(job_id, signal, outcome_json=outcome_json, error_json=error_json)
+        self.tell(record)
+        return record
+
+    def enter(
+        self, job_id: str, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
+    ) -> JobRecord:
+        """The same, still to be told: that can be tried again where it failed, this only once."""
         with self._lock:
             record = self.change(self.get(job_id), signal, outcome_json=outcome_json, error_json=error_json)
             if record.state in FINAL:
                 self._logs.end(self.wire(record))
-        self.tell(record, logged=record.state in FINAL)
         return record
 
     def change(
         self, record: JobRecord, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
     ) -> JobRecord:
-        """The same in the store, untold. The lock is held."""
+        """The same in the store, with what it means for the recording. The lock is held."""
         state: JobState = transition(record.state, signal)
         if record.state == "queued":
             self._line.has_moved()
         now = datetime.now(UTC)
-        return self._store.save(
-            replace(
-                record,
-                state=state,
-                outcome_json=outcome_json if state == "done" else None,
-                error_json=error_json if state == "failed" else None,
-                started_at=now if signal == "start" else record.started_at,
-                ended_at=now if state in FINAL else None,
-            )
+        changed = replace(
+            record,
+            state=state,
+            outcome_json=outcome_json if state == "done" else None,
+            error_json=error_json if state == "failed" else None,
+            started_at=now if signal == "start" else record.started_at,
+            ended_at=now if state in FINAL else None,
         )
+        return self._store.save(changed, recording=self._means(changed))
 
-    def tell(self, record: JobRecord, *, logged: bool = False) -> None:
-        """Log and bus of its state.   logged: the log has it."""
+    def tell(self, record: JobRecord) -> None:
+        """Log and bus of its state; the log has had its last word where it has ended."""
         job = self.wire(record)
-        if not logged:
+        if record.state not in FINAL:
             self._logs.write(record.id, JobStateEvent(job=job))
         self._bus.publish(JobMoved(record, job))
 

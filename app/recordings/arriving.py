@@ -20,7 +20,7 @@ from app.schemas.recordings import Recording
 from app.settings import AppSettings
 from app.storage.atomic import sync_folder
 from app.storage.files import DataFolder, display_name, suffix_of
-from app.storage.records import RecordingRecord
+from app.storage.records import RecordingChanges, RecordingRecord
 from app.storage.store import RecordingStore
 from app.uploads.inbox import Inbox, Part
 from app.uploads.protocol import Checksum, TusError, number_of
@@ -93,9 +93,11 @@ class Arrivals:
             partial.path.replace(source)
             for folder in (source.parent, source.parent.parent, partial.path.parent):
                 sync_folder(folder)
-        record = self._store.save(replace(record, state="inspecting", size_bytes=source.stat().st_size))
+        here: RecordingChanges = {"state": "inspecting", "size_bytes": source.stat().st_size}
+        first = self._store.change(record.id, here, where={"state": "receiving"})
         partial.remove()
-        self._bus.publish(RecordingArrived(record))
+        if first:
+            self._bus.publish(RecordingArrived(replace(record, **here)))
 
     async def receive(self, name: str, request: Request) -> Recording:
         """A recording from one request's body, written as it comes; nothing is kept of one that is cut short."""
@@ -191,8 +193,8 @@ class Arrivals:
     def _arriving(self, now: datetime) -> list[RecordingRecord]:
         """Uploads under way. Those given up long ago are deleted here."""
         arriving: list[RecordingRecord] = []
-        for record in self._store.all_newest_first():
-            if record.origin != "upload" or record.state != "receiving":
+        for record in self._store.in_states(["receiving"]):
+            if record.origin != "upload":
                 continue
             if (self.expires_at(record, now) or now) < now:
                 self._recordings.delete(record)

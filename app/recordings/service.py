@@ -24,7 +24,7 @@ from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
 from app.schemas.report import Report
 from app.storage.files import DataFolder, display_name
-from app.storage.records import RecordingRecord
+from app.storage.records import RecordingChanges, RecordingRecord
 from app.storage.sizes import tree_size
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
@@ -162,21 +162,31 @@ class RecordingService:
         """The recording renamed or to be read another way; in the latter case it is inspected again."""
         wanted = change.model_dump(exclude_unset=True, exclude={"name", "note"})
         if change.name is not None:
-            record = self._store.save(replace(record, name=display_name(change.name)))
+            self._store.change(record.id, {"name": display_name(change.name)})
         if change.note is not None:
             self._documents.write(record.id, NOTE, json.dumps(change.note.strip()))
-        before = reading_of(record)
-        after = self._merged(before or ReadSettings(), wanted)
-        if after != before:
+        if self._merged(record, wanted) != reading_of(record):
             if record.state == "receiving":
                 raise Conflict("recording.receiving", "The recording is still arriving; change it when it is here.")
             self._jobs.stop_all_of(record.id)
-            record = self._store.save(
-                replace(record, read_settings_json=after.model_dump_json(), state="inspecting", error_json=None)
-            )
-            self._bus.publish(RecordingArrived(record))
+            self._bus.publish(RecordingArrived(self._read_otherwise(record, wanted)))
         self._bus.publish(RecordingEdited(record.id))
         return self.wire(self.get(record.id))
+
+    def _read_otherwise(self, record: RecordingRecord, wanted: dict[str, object]) -> RecordingRecord:
+        """The recording with the wanted settings among those that it has by now: jobs took their time to stop."""
+        while True:
+            settings_json = self._merged(record, wanted).model_dump_json()
+            changes: RecordingChanges = {
+                "read_settings_json": settings_json,
+                "state": "inspecting",
+                "error_json": None,
+            }
+            as_read: RecordingChanges = {"read_settings_json": record.read_settings_json}
+            done = self._store.change(record.id, changes, where=as_read)
+            record = self.get(record.id)
+            if done:
+                return record
 
     def delete(self, record: RecordingRecord) -> None:
         """Stop its jobs and remove all that is ours of it."""
@@ -199,8 +209,9 @@ class RecordingService:
                 self._bus.publish(RecordingArrived(record))
             raise Conflict("recording.not_read", "The recording has not been read yet; wait for its planes.") from None
 
-    def _merged(self, before: ReadSettings, wanted: dict[str, object]) -> ReadSettings:
+    def _merged(self, record: RecordingRecord, wanted: dict[str, object]) -> ReadSettings:
         """The settings with the wanted ones in place; null means the default, which detects."""
+        before = reading_of(record) or ReadSettings()
         defaults = ReadSettings().model_dump()
         given = {key: defaults[key] if value is None else value for key, value in wanted.items()}
         try:

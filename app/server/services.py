@@ -37,6 +37,7 @@ from app.scene.sources import SceneSources
 from app.schemas.jobs import Job
 from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink, WeakLimits
 from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
+from app.server.consequences import Consequences
 from app.server.feed import RecordingFeed
 from app.server.share import ShareLinks
 from app.server.usual import usual_numbers
@@ -85,13 +86,15 @@ class Services:
         self.folder = RecordingsFolder(settings.recordings_dir)
         bus = Bus()
         self.planes = PlaneService(recording_store, documents, self.files, bus)
+        job_store = JobStore(self._engine)
         self.jobs = JobService(
-            JobStore(self._engine),
+            job_store,
             self.files,
             settings=settings,
             launcher=self._launcher,
             bus=bus,
             make_order=Orders(recording_store, self.files, settings.job_limits()).of,
+            means=Consequences(job_store, self.files).of,
             looks_of=self.planes.looks,
         )
         self.recordings = RecordingService(recording_store, documents, self.files, self.folder, self.jobs, bus)
@@ -114,6 +117,7 @@ class Services:
         self.files.remove_all_unpacked()
         self.jobs.recover()
         self.arrivals.resume(datetime.now(UTC))
+        self.workflow.take_up()
         self._launcher.prepare()
         # The first page that is opened asks for it; twenty that were open when a server ended ask at once.
         threading.Thread(target=self.server_facts, name="facts", daemon=True).start()

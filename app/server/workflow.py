@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Collection
 from contextlib import suppress
-from dataclasses import replace
 
 from app.bus import Bus
 from app.errors import ApiError, Conflict
@@ -18,10 +19,9 @@ from app.recordings.service import reading_of
 from app.results.extrinsic_text import parse_extrinsic
 from app.scene.sources import SceneSources
 from app.schemas.audits import NewAudit
-from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, JobKind, NewJob
-from app.schemas.recordings import RecordingState
 from app.schemas.view import JobChanged, RecordingChanged, View
+from app.server.consequences import TELLING
 from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
@@ -32,19 +32,9 @@ from calib_core import api
 from calib_core.events import LogEvent
 from calib_core.settings import ReadSettings
 
+_LOG = logging.getLogger("unsweep")
 #: What starts by itself for a recording that has arrived: side by side, so that the cloud need not wait for the report.
 ON_ARRIVAL: tuple[JobKind, ...] = ("planes", "inspect")
-
-
-def state_after(job: Job, before: RecordingState) -> RecordingState:
-    """The recording's state now that its job is in this state. Only simulating and inspecting matter to it."""
-    if job.kind not in {"simulate", "inspect"}:
-        return before
-    if job.state not in FINAL:
-        return "receiving" if job.kind == "simulate" else "inspecting"
-    if job.state != "done":
-        return "failed"
-    return "inspecting" if job.kind == "simulate" else "ready"
 
 
 class Orders:
@@ -80,7 +70,7 @@ class Orders:
 
 
 class Workflow:
-    """Starts jobs, and draws the consequences when they change."""
+    """Starts jobs, and what follows from them when they change. What they mean for a recording's row is in consequences.py."""
 
     def __init__(
         self,
@@ -144,12 +134,31 @@ class Workflow:
         self._jobs.check_room()
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
 
+    def take_up(self) -> None:
+        """After a start of the server: begin what an earlier one left without a job, whatever it died of."""
+        for record in self._recordings.in_states(["inspecting", "receiving"]):
+            try:
+                self._take_up(record.id)
+            except ApiError as error:  # a full disk keeps no server from starting; the next one tries again
+                _LOG.warning("%s is still to be read: %s", record.name, error)
+
+    def _take_up(self, recording_id: str) -> None:
+        under_way = {job.kind for job in self._jobs.records_of(recording_id) if job.state not in FINAL}
+        record = self._recordings.find(recording_id)  # after its jobs: one that ends changes both at once
+        if record is None:
+            return
+        if record.state == "inspecting" and "inspect" not in under_way:
+            self._arrived(record, but=under_way)
+        elif (record.state, record.origin) == ("receiving", "sample") and "simulate" not in under_way:
+            self._submit(record, "simulate")
+
     def job_changed(self, record: JobRecord, job: Job) -> None:
-        """Draw the consequences of a job's new state, and tell those who look."""
+        """Begin what follows from a job's new state, and tell those who look. Told twice of one, it begins nothing twice."""
         recording = self._recordings.find(record.recording_id)
         if recording is None:
             return
-        self._keep_consequences(recording, job)
+        if job.kind in TELLING and job.state != "running":
+            self._feed.tell(recording.id, RecordingChanged())
         self._feed.tell(recording.id, JobChanged(job=job))
         if job.state == "done" and job.kind == "planes":
             self._proposed(recording.id)
@@ -161,7 +170,8 @@ class Workflow:
         ):
             self._bus.publish(ShownChanged(recording.id))
         if job.state == "done" and job.kind == "simulate":
-            self._arrived(recording)
+            later = (other for other in self._jobs.records_of(recording.id) if other.sequence > record.sequence)
+            self._arrived(recording, but={other.kind for other in later})
         if job.state in FINAL and all(other.state in FINAL for other in self._jobs.records_of(recording.id)):
             # Its arrays are all that is needed from now on. Who reads it another way unpacks it again.
             api.discard_archives(self._files.unpacked(recording.id))
@@ -176,38 +186,21 @@ class Workflow:
             self._reported(record)
 
     def _reported(self, job: JobRecord) -> None:
-        recording = self._recordings.find(job.recording_id)
-        if recording is None or recording.state != "inspecting":
-            return
         with suppress(FileNotFoundError):  # deleted meanwhile
-            self._recordings.save(replace(recording, report_json=self._report_of(job.id)))
-            self._feed.tell(recording.id, RecordingChanged())
-
-    def _report_of(self, job_id: str) -> str:
-        return (self._files.job(job_id) / "report.json").read_text(encoding="utf-8")
+            said = (self._files.job(job.id) / "report.json").read_text(encoding="utf-8")
+            if self._recordings.change(job.recording_id, {"report_json": said}, where={"state": "inspecting"}):
+                self._feed.tell(job.recording_id, RecordingChanged())
 
     def _proposed(self, recording_id: str) -> None:
         with suppress(ApiError):  # read another way meanwhile: its own job is on the way
             self._planes.proposed(recording_id)
             self._feed.tell(recording_id, RecordingChanged())
 
-    def _keep_consequences(self, recording: RecordingRecord, job: Job) -> None:
-        state = state_after(job, recording.state)
-        changed = replace(recording, state=state)
-        if state != recording.state:
-            error = job.error or ErrorFacts(code=f"job.{job.state}", text=job.state_text)
-            changed = replace(changed, error_json=error.model_dump_json() if state == "failed" else None)
-        if job.state == "done" and job.kind == "simulate":
-            changed = replace(changed, size_bytes=self._files.source(recording).stat().st_size)
-        if job.state == "done" and job.kind == "inspect":
-            changed = replace(changed, report_json=self._report_of(job.id))
-        if changed != recording:
-            self._recordings.save(changed)
-            self._feed.tell(recording.id, RecordingChanged())
-
-    def _arrived(self, record: RecordingRecord) -> None:
+    def _arrived(self, record: RecordingRecord, *, but: Collection[JobKind] = ()) -> None:
+        """Begin what a recording that is here needs.   but: what has begun already."""
         for kind in ON_ARRIVAL:
-            self._submit(record, kind)
+            if kind not in but:
+                self._submit(record, kind)
 
     def _submit(self, record: RecordingRecord, kind: JobKind) -> None:
         self._jobs.submit(record.id, kind, StoredRequest())

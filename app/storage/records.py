@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import TypedDict
 
 from app.schemas.jobs import JobKind, JobState
 from app.schemas.recordings import Origin, RecordingState
@@ -24,6 +25,17 @@ class RecordingRecord:
     read_settings_json: str
     report_json: str | None
     created_at: datetime
+
+
+class RecordingChanges(TypedDict, total=False):
+    """The columns of a recording that ever change, named one by one: who changes one leaves the others to others."""
+
+    name: str
+    size_bytes: int
+    state: RecordingState
+    error_json: str | None
+    read_settings_json: str
+    report_json: str | None
 
 
 @dataclass(frozen=True, slots=True)

@@ -141,11 +141,18 @@ def keep_some(engine):
     lost = JobRecord("b" * 32, gone.id, "planes", "done", "{}", None, "{}", None, NOW, NOW, NOW)
     kept = [jobs.add(each) for each in (job, late, lost)]
     jobs.save(JobRecord(**{**fields(kept[0]), "state": "failed", "error_json": '{"text": "ü"}', "ended_at": FAR}))
+    failed = JobRecord(**{**fields(kept[1]), "state": "failed", "ended_at": FAR})
+    jobs.save(failed, recording={"state": "failed", "error_json": '{"text": "ü"}'})
+    written = [
+        recordings.change(one.id, {"name": "☂"}, where={"state": state, "report_json": None})
+        for state in ("ready", "failed")
+    ]
+    assert written == [False, True]
     documents.write(one.id, "view", "1")
     documents.write(one.id, "view", '{"zoom": 2}')
     documents.write(gone.id, "planes", "[]")
     recordings.remove(gone.id)
-    return [each.id for each in jobs.in_states(["failed", "running"])], jobs.of_recording(one.id)
+    return [each.id for each in jobs.in_states(["failed", "queued"])], jobs.of_recording(one.id)
 
 
 def fields(record):
@@ -154,7 +161,7 @@ def fields(record):
 
 def test_postgresql_and_sqlite_keep_the_same(database, tmp_path):
     """Row by row, in the same order. Mutations: times without their zone, or cut to milliseconds; no cascade in SQLite; jobs
-    in the order of their ids.
+    in the order of their ids; columns of a recording changed whatever is there.
     """
     told, kept = {}, {}
     for name, url in (("sqlite", f"sqlite:///{tmp_path / 'a.sqlite'}"), ("postgresql", database)):

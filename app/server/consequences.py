@@ -1,0 +1,67 @@
+"""What a job's state means for its recording: columns of its row, which are written in the job's own transaction."""
+
+from __future__ import annotations
+
+from app.jobs.kept import error_of, outcome_of
+from app.jobs.machine import FINAL, SENTENCES
+from app.schemas.common import ErrorFacts
+from app.schemas.jobs import JobKind, JobState, SimulateOutcome
+from app.schemas.recordings import RecordingState
+from app.storage.files import DataFolder
+from app.storage.records import JobRecord, RecordingChanges
+from app.storage.store import JobStore
+
+#: Only these matter to the state of a recording: it is made, and it is looked at.
+TELLING: frozenset[JobKind] = frozenset({"simulate", "inspect"})
+
+REPORT_LOST = ErrorFacts(
+    code="recording.report_lost",
+    text="The report on this recording was written and cannot be read any more; have the recording read again.",
+)
+
+
+def state_after(kind: JobKind, state: JobState) -> RecordingState:
+    """The recording's state now that its job, one of those that tell, is in this state."""
+    if state not in FINAL:
+        return "receiving" if kind == "simulate" else "inspecting"
+    if state != "done":
+        return "failed"
+    return "inspecting" if kind == "simulate" else "ready"
+
+
+class Consequences:
+    """What jobs mean for their recordings."""
+
+    def __init__(self, jobs: JobStore, files: DataFolder) -> None:
+        self._jobs = jobs
+        self._files = files
+
+    def of(self, job: JobRecord) -> RecordingChanges:
+        """The columns that change with the job's new state; none where it does not matter, or a newer job of its kind tells."""
+        if job.kind not in TELLING or self._is_outdone(job):
+            return {}
+        state = state_after(job.kind, job.state)
+        if state == "failed":
+            error = error_of(job) or ErrorFacts(code=f"job.{job.state}", text=SENTENCES[job.state])
+            return {"state": state, "error_json": error.model_dump_json()}
+        if job.state != "done":
+            return {"state": state, "error_json": None}
+        if job.kind == "inspect":
+            return self._inspected(job, state)
+        made = outcome_of(job)
+        sizes: RecordingChanges = {"size_bytes": made.size_bytes} if isinstance(made, SimulateOutcome) else {}
+        return {"state": state, "error_json": None, **sizes}
+
+    def _is_outdone(self, job: JobRecord) -> bool:
+        """Whether a later one of its kind was asked for: an inspection that ends late says nothing of how it is read now."""
+        if job.state == "queued":
+            return False  # as yet it is the newest
+        others = self._jobs.of_recording(job.recording_id)
+        return any(other.kind == job.kind and other.sequence > job.sequence for other in others)
+
+    def _inspected(self, job: JobRecord, state: RecordingState) -> RecordingChanges:
+        try:
+            report_json = (self._files.job(job.id) / "report.json").read_text(encoding="utf-8")
+        except (OSError, UnicodeDecodeError):
+            return {"state": "failed", "error_json": REPORT_LOST.model_dump_json()}
+        return {"state": state, "error_json": None, "report_json": report_json}
