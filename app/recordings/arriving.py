@@ -21,6 +21,7 @@ from app.settings import AppSettings
 from app.storage.atomic import sync_folder
 from app.storage.files import DataFolder, display_name, suffix_of
 from app.storage.records import RecordingChanges, RecordingRecord
+from app.storage.sizes import tree_size
 from app.storage.store import RecordingStore
 from app.uploads.inbox import Inbox, Part
 from app.uploads.protocol import Checksum, TusError, number_of
@@ -47,6 +48,7 @@ class Arrivals:
         self._settings = settings
         self._inbox = Inbox(files)
         self._announcing = threading.Lock()
+        self._admitted: dict[str, int] = {}  # uploads of unknown size: how many bytes each may have by now
 
     def announce_upload(self, name: str, size_bytes: int, sha256: str | None = None) -> RecordingRecord:
         """A recording whose bytes are about to arrive; refused where they and all others announced would not fit.
@@ -56,9 +58,7 @@ class Arrivals:
         suffix = suffix_of(name)
         self.check_size(size_bytes)
         with self._announcing:
-            promised = sum(
-                max(0, r.size_bytes - self._recordings.received_bytes(r)) for r in self._arriving(datetime.now(UTC))
-            )
+            promised = self._promised_bytes()
             self._files.check_room(size_bytes, promised_bytes=promised)
             self._files.check_quota(size_bytes, promised_bytes=promised)
             record = new_record(
@@ -110,6 +110,7 @@ class Arrivals:
 
     async def receive_first(self, record: RecordingRecord, receive: Receive, checksum: Checksum | None) -> int:
         """The bytes that come with an announcement. Where they cannot be kept nothing was announced."""
+        self._admitted[record.id] = 0
         try:
             reached = await self._receive(record, receive, 0, checksum)
             if record.size_bytes == 0:
@@ -120,6 +121,8 @@ class Arrivals:
             with anyio.CancelScope(shield=True):
                 await to_thread.run_sync(self._recordings.delete, record)
             raise
+        finally:
+            del self._admitted[record.id]
         return reached
 
     async def receive_part(
@@ -184,11 +187,36 @@ class Arrivals:
         self, record: RecordingRecord, receive: Receive, offset_bytes: int, checksum: Checksum | None
     ) -> int:
         end_bytes = record.size_bytes or self._settings.max_upload_bytes
-        part = Part(record.name, offset_bytes, end_bytes, checksum)
+        # Of an upload whose size nobody told nothing was promised: the quota is asked as it grows.
+        grows = record.size_bytes == 0 and self._settings.quota_bytes is not None
+        part = Part(
+            record.name,
+            offset_bytes,
+            end_bytes,
+            checksum,
+            admit=(lambda reach_bytes: self._admit(record.id, reach_bytes)) if grows else None,
+        )
         reached = await self._inbox.receive(record.id, receive, part)
         if reached == record.size_bytes:
             await to_thread.run_sync(self.finish_upload, record.id)
         return reached
+
+    def _admit(self, recording_id: str, reach_bytes: int) -> None:
+        """Let an upload of unknown size grow to so many bytes; refused where they are more than the quota has left."""
+        with self._announcing:
+            more = reach_bytes - self._here_bytes(recording_id)
+            self._files.check_quota(more, promised_bytes=self._promised_bytes(but=recording_id))
+            self._admitted[recording_id] = reach_bytes
+
+    def _promised_bytes(self, *, but: str = "") -> int:
+        """What is still to come of the uploads under way: as announced, or as far as they were let grow."""
+        arriving = [record for record in self._arriving(datetime.now(UTC)) if record.id != but]
+        sizes = {record.id: record.size_bytes or self._admitted.get(record.id, 0) for record in arriving}
+        return sum(max(0, size - self._here_bytes(recording_id)) for recording_id, size in sizes.items())
+
+    def _here_bytes(self, recording_id: str) -> int:
+        """What an upload takes on the disk, safely there or not."""
+        return tree_size(self._files.partial(recording_id).path)
 
     def _arriving(self, now: datetime) -> list[RecordingRecord]:
         """Uploads under way. Those given up long ago are deleted here."""

@@ -112,6 +112,7 @@ class Workflow:
         self._files.cache_key(record)
         if not wish.extrinsic.lstrip().startswith("<"):
             parse_extrinsic(wish.extrinsic, wish.direction)
+        self._jobs.check_room()
         return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish))
 
     def see_to_surface(self, record: RecordingRecord, view: View) -> None:
@@ -122,6 +123,7 @@ class Workflow:
         if solved is None or solved.surface is not None:
             return
         if self._sources.surface_job(record, solved.job_id) is None:
+            self._jobs.check_room()
             self._jobs.submit(record.id, "surface", StoredRequest(surface_of=solved.job_id))
 
     def retry(self, job: JobRecord) -> Job:

@@ -40,13 +40,15 @@ Arguments = TypeVarTuple("Arguments")
 class Part:
     """What a request brings: bytes from `offset_bytes` on, at most up to `end_bytes`.
 
-    checksum: of this request's bytes.
+    checksum: of this request's bytes.   admit: asked before bytes are written whether the upload may have so many;
+    None where all of them were promised when it was announced.
     """
 
     name: str
     offset_bytes: int
     end_bytes: int
     checksum: Checksum | None = None
+    admit: Callable[[int], None] | None = None
 
 
 @dataclass(slots=True)
@@ -124,6 +126,8 @@ class Inbox:
         try:
             async for block in _blocks(receive, turn, part):
                 await self._in_thread(self._files.check_room, len(block))
+                if part.admit is not None:
+                    await self._in_thread(part.admit, appender.written_bytes + len(block))
                 await self._in_thread(appender.append, block)
                 if hasher is not None:
                     await self._in_thread(hasher.update, block)

@@ -183,3 +183,30 @@ def test_watching_a_job_does_not_stop_the_server_while_jobs_are_busy(live):
     watching.join(20)
     asking.join(20)
     assert in_time
+
+
+def test_no_job_that_is_asked_for_waits_beyond_the_limit(tmp_path):
+    """Solves, audits, surfaces and tries again. Oracle: the queue. Mutations: audits, or surfaces, let past the limit."""
+    with serving(tmp_path, concurrent_jobs=1, max_waiting_jobs=1) as live:
+        recording_id = live.ready("room.bag")
+        solve = live.start(recording_id)
+        live.finish(solve)
+        deaf = live.upload("deaf.bag")
+        live.wait(lambda: set(live.job_states(deaf).values()) == {"done"})
+        busy = live.start(deaf)
+        live.wait(lambda: live.job(busy)["state"] == "running")
+        waits = live.start(deaf)
+        url = f"/api/recordings/{recording_id}"
+        refused = [
+            live.http.post(f"{url}/jobs", json={"kind": "solve"}),
+            live.http.post(f"{url}/audits", json={"extrinsic": "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"}),
+            live.http.post(f"{url}/view", json={"mode": "inspect", "job_id": solve, "extent": "surface"}),
+            live.http.post(f"/api/jobs/{solve}/retry"),
+        ]
+        assert [(one.status_code, one.json()["error"]["code"]) for one in refused] == [(429, "jobs.too_many")] * 4
+        assert live.services.jobs.count_under_way() == {"running": 1, "queued": 1}
+        for job_id in (waits, busy):
+            live.http.post(f"/api/jobs/{job_id}/cancel")
+        live.finish(busy)
+        assert live.http.post(f"{url}/view", json={"mode": "inspect"}).status_code == 200
+        live.wait(lambda: live.job_states(recording_id).get("surface") == "done")

@@ -7,6 +7,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from app.errors import DiskFull
 from bench.still_server import StillLauncher
 from tests.app.support.live import serving
 
@@ -71,6 +72,36 @@ def test_a_quota_counts_what_is_there_and_what_was_promised(tmp_path):
         assert "delete recordings" in refused.json()["error"]["text"]
         live.http.delete(first.headers["location"], headers={"Tus-Resumable": "1.0.0"})
         assert announced(live, 5 * 2**20).status_code == 201
+
+
+def test_an_upload_whose_size_nobody_told_stays_within_the_quota(tmp_path):
+    """It comes in chunks, without a length. Oracle: what is on the disk. Mutations: the quota asked for its announced size
+    alone, which is none; asked for each block without what was promised to others.
+    """
+    put = {"url": "/api/recordings/upload", "params": {"name": "any.bag"}}
+    with serving(tmp_path, launcher=StillLauncher(), quota_bytes=2**24) as live:
+        fits = live.http.put(**put, content=iter([bytes(2**20)] * 2))
+        assert fits.status_code == 201
+        assert fits.json()["size_bytes"] == 2 * 2**20
+        refused = live.http.put(**put, content=iter([bytes(2**20)] * 7))
+        assert (refused.status_code, refused.json()["error"]["code"]) == (507, "upload.quota")
+        assert announced(live, 3 * 2**20).status_code == 201
+        refused = live.http.put(**put, content=iter([bytes(2**20)] * 4))
+        assert (refused.status_code, refused.json()["error"]["code"]) == (507, "upload.quota")
+        left = [one["size_bytes"] for one in live.http.get("/api/recordings").json()]
+        assert left == [3 * 2**20, 2 * 2**20]
+
+
+def test_two_uploads_of_unknown_size_are_not_let_grow_into_the_same_room(tmp_path):
+    """Both are let go on before either has written. Oracle: the quota. Mutation: only what is on the disk counted."""
+    with serving(tmp_path, launcher=StillLauncher(), quota_bytes=2**24) as live:
+        arrivals = live.services.arrivals
+        first, second = (arrivals.announce_upload(name, 0) for name in ("one.bag", "two.bag"))
+        arrivals._admit(first.id, 5 * 2**20)
+        with pytest.raises(DiskFull, match="are left; delete recordings"):
+            arrivals._admit(second.id, 5 * 2**20)
+        assert announced(live, 5 * 2**20).status_code == 507
+        arrivals._admit(second.id, 2**20)
 
 
 def test_only_what_nobody_used_for_so_long_goes_and_what_no_reading_needs(keeping):
