@@ -9,6 +9,7 @@ import socket
 import sys
 from contextlib import suppress
 from pathlib import Path
+from urllib.parse import quote
 
 from pydantic import ValidationError
 
@@ -127,5 +128,6 @@ def address(settings: AppSettings, port: int) -> str:
             host = f"[{host}]"
     except ValueError:
         pass  # a name, good as it is
-    query = f"/?token={settings.token}" if settings.token else "/"
+    # A token may hold any character, and some of them end a query or mean another one.
+    query = f"/?token={quote(settings.token, safe='')}" if settings.token else "/"
     return f"http://{host}:{port}{query}"

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from app.cli.serving import address
 from app.errors import TooMany
 from app.scene import page
 from app.server import security, sessions, share
@@ -165,6 +166,14 @@ def test_guessing_is_braked_and_open_sessions_are_not(tmp_path):
         braked = guesser.get("/api/info", params={"token": TOKEN})
         assert (braked.status_code, braked.json()["error"]["code"]) == (429, "token.wait")
         assert int(braked.headers["retry-after"]) >= 1
+        assert guest.get("/api/info").status_code == 200
+
+
+@pytest.mark.parametrize("token", ["a+b&c#d12345", "50%25/of?= x"])
+def test_the_address_that_is_printed_lets_one_in_whatever_the_token(tmp_path, token):
+    """Oracle: the door. Mutation: the token as it is: `&` and `#` cut it short, and `+` means a space."""
+    with serving(tmp_path, token=token) as live, stranger(live) as guest:
+        guest.get(address(live.settings, live.port), follow_redirects=True)
         assert guest.get("/api/info").status_code == 200
 
 
