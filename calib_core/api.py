@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 __all__ = [
     "audit",
     "calibrate",
+    "covers",
     "deskew",
     "deskew_points",
     "discard_archives",
@@ -72,6 +73,7 @@ __all__ = [
     "map_points",
     "parse_extrinsic",
     "propose_planes",
+    "raw_map_points",
     "read_cloud",
     "read_extrinsic",
     "read_imu_noise",
@@ -385,6 +387,20 @@ def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
     from calib_core import deskew
 
     return deskew.map_points(scan, trajectory)
+
+
+def raw_map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
+    """(N, 3) [m]: the same with the sweep's motion left in, as if all of it had been seen from its first point's pose."""
+    from calib_core import deskew
+
+    return deskew.raw_map_points(scan, trajectory)
+
+
+def covers(trajectory: Trajectory, scan: Scan) -> bool:
+    """Whether the motion is known, and not bridged, all through the sweep: what may be measured of it, and laid into a map."""
+    from calib_core.maps import accumulate
+
+    return accumulate.covers(trajectory, scan)
 
 
 def ideal_lasers(result: CalibrationResult) -> Lasers | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import shlex
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -94,8 +94,9 @@ def calibrate(chosen: argparse.Namespace) -> None:
     except BrokenPipeError:  # who reads stdout has left; the report goes to a file
         forget_stdout()
     if chosen.report is not None and steps is not None:
+        spans_s = solving.excluded_spans_s
         with _result_kept(chosen.output):
-            _write_report(recording, (done.result, done.trajectory), steps, chosen.report)
+            _write_report(recording, (done.result, done.trajectory), steps, chosen.report, spans_s=spans_s)
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
 
@@ -244,23 +245,21 @@ def _remembering(on_event: OnEvent) -> StepListener:
 
 
 def _write_report(
-    recording: Recording, done: tuple[CalibrationResult, Trajectory | None], steps: StepListener, out: Path
+    recording: Recording,
+    done: tuple[CalibrationResult, Trajectory | None],
+    steps: StepListener,
+    out: Path,
+    *,
+    spans_s: Sequence[tuple[float, float]],
 ) -> None:
-    """The page to print, with everything that is measured beside a result."""
-    from app.results.evidence import measure_evidence
-    from app.results.report import Beside, report_page
-    from app.results.scans import measure_scans
-    from app.results.thickness import measure_thickness
+    """The page to print, with everything that is measured beside a result.   spans_s: that its solve left out."""
+    from app.results.beside import measure_beside
+    from app.results.report import report_page
 
     result, trajectory = done
-    evidence = measure_evidence(recording, result, trajectory, steps.steps)
+    measured = measure_beside(recording, result, trajectory, steps.steps, excluded_spans_s=spans_s)
     command, now = shlex.join(["unsweep", *sys.argv[1:]]), datetime.now(UTC)
-    beside = Beside(evidence=evidence, command=command, made_at=now)
-    if trajectory is not None:
-        planes = result.quality.planes
-        walls = measure_thickness(recording, trajectory, planes)
-        beside = replace(beside, walls=walls, scans=measure_scans(recording, trajectory, planes))
-    write_text(out, report_page(result, beside))
+    write_text(out, report_page(result, replace(measured, command=command, made_at=now)))
 
 
 def _manner(chosen: argparse.Namespace) -> Manner:

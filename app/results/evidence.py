@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.results.imu_evidence import compare_imu, imu_motion
-from app.results.thickness import nearest_plane, outlines_of, rigid_map_points, spread
+from app.results.thickness import nearest_plane, outlines_of, spread
 from app.schemas.evidence import Binned, Evidence, Picture, Step
 from calib_core import api
 from calib_core.events import Event, IterationEvent, OnEvent
@@ -109,7 +109,7 @@ def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResul
     parts: list[_Seen] = []
     for place in spread(len(recording.scans), SCANS):
         scan = _thinned(recording.scans[place])
-        if not len(scan.points) or not _covered(scan, trajectory):
+        if not len(scan.points) or not api.covers(trajectory, scan):
             continue
         after = api.map_points(scan, trajectory)
         # The pictures show what motion does to points as they came; distances are those that the solve saw.
@@ -125,7 +125,7 @@ def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResul
         # measured too near.
         range_m = np.where(clear, measured_m - beyond_m / np.where(clear, np.abs(cosine), 1.0), np.nan)
         ring = scan.points["ring"].astype(np.float64)
-        parts.append(_Seen(rigid_map_points(scan, trajectory), after, label, beyond_m, range_m, ring))
+        parts.append(_Seen(api.raw_map_points(scan, trajectory), after, label, beyond_m, range_m, ring))
     if not parts:
         return None
     return _Seen(
@@ -156,11 +156,6 @@ def _thinned(scan: Scan) -> Scan:
     step = max(1, len(scan.points) // POINTS)
     points: PointArray = scan.points[::step]
     return Scan(index=scan.index, stamp_ns=scan.stamp_ns, points=points)
-
-
-def _covered(scan: Scan, trajectory: Trajectory) -> bool:
-    start_s = trajectory.begin_s(scan)
-    return bool(trajectory.times_s[0] <= start_s and start_s + 0.1 <= trajectory.times_s[-1])
 
 
 def _from_above(up: FloatArray, walls: FloatArray) -> FloatArray:

@@ -10,36 +10,21 @@ import hashlib
 import json
 import shlex
 from dataclasses import dataclass
-from datetime import datetime
 from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from app.results import captions, plot_parts, plots
+from app.results.beside import Beside
 from app.results.verdict import HEADINGS, rests_on, sigma_of_offset, told, tone
 from app.schemas.evidence import Evidence
-from app.schemas.results import ScanQuality, Thickness
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.sigmas import HELD, Unit, std_text, value_text
 
 if TYPE_CHECKING:
     from jinja2 import Template
-
-
-@dataclass(frozen=True)
-class Beside:
-    """What lies beside a result; None where it was not measured.
-
-    command: that repeats the run.   made_at: when it was solved.
-    """
-
-    walls: Thickness | None = None
-    scans: ScanQuality | None = None
-    evidence: Evidence | None = None
-    command: str | None = None
-    made_at: datetime | None = None
 
 
 @dataclass(frozen=True)

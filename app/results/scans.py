@@ -21,12 +21,19 @@ from calib_core.types import PointArray, Recording, Scan, Trajectory
 GATE_M = 0.30
 #: Points looked at of each scan: a per cent of its spread, and a long recording stays quick.
 POINTS = 2000
-#: A scan may begin or end this long outside of the solved motion.
-OVERHANG_S = 0.02
 
 
-def measure_scans(recording: Recording, trajectory: Trajectory, planes: Sequence[PlaneQuality]) -> ScanQuality:
-    """Spread and share of every scan; None where the motion does not reach."""
+def measure_scans(
+    recording: Recording,
+    trajectory: Trajectory,
+    planes: Sequence[PlaneQuality],
+    *,
+    used_ns: frozenset[int] | None = None,
+) -> ScanQuality:
+    """Spread and share of every scan; None where the motion does not reach, is bridged, or the solve did not look.
+
+    used_ns: stamps of the scans that it looked at; None for all.
+    """
     normals = np.array([plane.normal for plane in planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in planes], dtype=np.float64)
     outlines_m = outlines_of(planes)
@@ -36,11 +43,12 @@ def measure_scans(recording: Recording, trajectory: Trajectory, planes: Sequence
     share: list[float | None] = []
     for scan in recording.scans:
         t_s.append(round((scan.stamp_ns - first_ns) * 1e-9, 6))
-        some = _sample(scan)
-        if len(some.points) == 0 or not _covered(some, trajectory):
+        left_out = used_ns is not None and scan.stamp_ns not in used_ns
+        if left_out or len(scan.points) == 0 or not api.covers(trajectory, scan):
             rms_m.append(None)
             share.append(None)
             continue
+        some = _sample(scan)
         owner, dist_m = nearest_plane(
             api.map_points(some, trajectory), normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_m
         )
@@ -56,10 +64,3 @@ def _sample(scan: Scan) -> Scan:
     chosen = np.linspace(0, len(scan.points) - 1, POINTS).astype(np.int64)
     points: PointArray = scan.points[chosen]
     return Scan(index=scan.index, stamp_ns=scan.stamp_ns, points=points)
-
-
-def _covered(scan: Scan, trajectory: Trajectory) -> bool:
-    start_s = trajectory.begin_s(scan)
-    end_s = start_s + float(scan.points["offset_ns"].max()) * 1e-9
-    times_s = trajectory.times_s
-    return bool(start_s >= times_s[0] - OVERHANG_S and end_s <= times_s[-1] + OVERHANG_S)

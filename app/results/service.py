@@ -13,8 +13,9 @@ from app.errors import BadRequest, Conflict
 from app.jobs.machine import SENTENCES
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
+from app.results.beside import Beside
 from app.results.command import command_of
-from app.results.report import Beside, report_page
+from app.results.report import report_page
 from app.schemas.evidence import Evidence
 from app.schemas.jobs import Job, SolveOutcome
 from app.schemas.results import AnswerDifference, Command, Run, Runs, ScanQuality, Thickness

@@ -18,7 +18,7 @@ from app.planes.geometry import within_outline
 from app.schemas.results import Thickness, WallThickness
 from calib_core import api
 from calib_core.result import PlaneQuality
-from calib_core.types import FloatArray, PointArray, Recording, Scan, Trajectory
+from calib_core.types import FloatArray, Recording, Trajectory
 
 #: Half the thickness of the slab around a plane whose de-skewed points are taken as the wall's.
 GATE_M = 0.10
@@ -27,18 +27,6 @@ MAX_SCANS = 60
 #: Histogram: half width and number of bins.
 HISTOGRAM_HALF_M = 0.25
 HISTOGRAM_BINS = 50
-
-_UNIT_POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], dtype=np.float32)
-
-
-def rigid_map_points(scan: Scan, trajectory: Trajectory) -> NDArray[np.float32]:
-    """(N, 3) [m]: the scan as one rigid body at its first point's pose, map frame: the sweep's motion left in."""
-    probe: PointArray = np.zeros(4, dtype=scan.points.dtype)
-    probe["xyz"] = _UNIT_POINTS
-    corners = api.map_points(Scan(index=scan.index, stamp_ns=scan.stamp_ns, points=probe), trajectory)
-    R_map_lidar_transposed = corners[1:] - corners[0]
-    moved: NDArray[np.float32] = scan.points["xyz"] @ R_map_lidar_transposed + corners[0]
-    return moved.astype(np.float32)
 
 
 def nearest_plane(
@@ -70,7 +58,7 @@ def nearest_plane(
 
 
 def measure_thickness(recording: Recording, trajectory: Trajectory, planes: Sequence[PlaneQuality]) -> Thickness:
-    """Wall thickness per plane, over scans spread evenly through the recording."""
+    """Wall thickness per plane, over scans spread evenly through the recording, of which the motion is known."""
     normals = np.array([plane.normal for plane in planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in planes], dtype=np.float64)
     outlines_m = outlines_of(planes)
@@ -78,12 +66,12 @@ def measure_thickness(recording: Recording, trajectory: Trajectory, planes: Sequ
     after: list[list[NDArray[np.float32]]] = [[] for _ in planes]
     for place in spread(len(recording.scans), MAX_SCANS):
         scan = recording.scans[place]
-        if len(scan.points) == 0:
+        if not api.covers(trajectory, scan):  # laid where the motion is not known, it would blur both maps alike
             continue
         labels, after_m = nearest_plane(
             api.map_points(scan, trajectory), normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_m
         )
-        rigid = rigid_map_points(scan, trajectory)
+        rigid = api.raw_map_points(scan, trajectory)
         for k in range(len(planes)):
             chosen = labels == k
             before[k].append(rigid[chosen] @ normals[k].astype(np.float32) + np.float32(offsets_m[k]))

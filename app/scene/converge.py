@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from app.planes import palette
-from app.results.thickness import nearest_plane, rigid_map_points
+from app.results.thickness import nearest_plane
 from app.scene.aim import stage_of
 from app.scene.build import ground, thinned_scan
 from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
@@ -50,7 +50,7 @@ def build_converging(
     if not pairs:
         return Content(items=(), legend="", note="This step says nothing of the sweeps yet.")
     moved = np.concatenate([api.map_points(scan, motion) for scan, motion in pairs])
-    rigid = np.concatenate([rigid_map_points(scan, motion) for scan, motion in pairs])
+    rigid = np.concatenate([api.raw_map_points(scan, motion) for scan, motion in pairs])
     normals = np.array([plane.normal for plane in step.planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in step.planes], dtype=np.float64)
     shown: Float32Array = rigid + np.float32(straight) * (moved - rigid)

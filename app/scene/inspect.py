@@ -16,7 +16,7 @@ import numpy as np
 
 from app.planes import palette
 from app.planes.palette import Colors
-from app.results.thickness import GATE_M, nearest_plane, outlines_of, rigid_map_points, spread
+from app.results.thickness import GATE_M, nearest_plane, outlines_of, spread
 from app.scene.aim import DIRECTIONS, Stage
 from app.scene.build import LEGENDS, Solved, ground, lightness, scan_colors, texture, thinned, thinned_scan
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
@@ -104,7 +104,9 @@ def build_inspection(recording: Recording, look: Look, motions: Motions, camera:
         aim=f"side of {len(sources)}" if beside else ONE_PLACE,
         # Beside each other there is more than one room, and walls of none of them are where the planes say.
         stage=replace(look.stage, walls=look.stage.walls[:0]) if beside else look.stage,
-        readout=_readout(parts, shifts, motions.solved, cache(lambda: _returns(recording, look, each, kept))),
+        readout=_readout(
+            parts, shifts, motions.solved, cache(lambda: _returns(recording, look, motions, limit=each, kept=kept))
+        ),
     )
 
 
@@ -122,14 +124,17 @@ def _sources(look: Look, motions: Motions) -> tuple[Source, ...]:
             return (against, "deskewed")
 
 
-def _scans(recording: Recording, look: Look, limit: int) -> list[Scan]:
+def _scans(recording: Recording, look: Look, trajectory: Trajectory, limit: int) -> list[Scan]:
+    """Those of the cloud, thinned. A map is made of those whose motion is known; one that is asked for is shown anyway."""
     places = [look.place] if look.extent == "scan" else spread(len(recording.scans), MAP_SCANS)
+    if look.extent != "scan":
+        places = [place for place in places if api.covers(trajectory, recording.scans[place])] or places
     each = max(1, limit // len(places))
     return [thinned_scan(recording.scans[place], each) for place in places]
 
 
 def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, limit: int, *, one_color: bool) -> Cloud:
-    scans = _scans(recording, look, limit)
+    scans = _scans(recording, look, motions.solved.trajectory, limit)
     points = [_points(scan, motions, source) for scan in scans]
     if one_color:
         rgb = palette.uniform(sum(len(part) for part in points), ONE_COLOR[source])
@@ -140,7 +145,9 @@ def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, l
     return Cloud(f"/{source}", xyz, rgb, point_size_m(xyz))
 
 
-def _returns(recording: Recording, look: Look, limit: int, kept: Sequence[BoolArray | slice]) -> FloatArray:
+def _returns(
+    recording: Recording, look: Look, motions: Motions, *, limit: int, kept: Sequence[BoolArray | slice]
+) -> FloatArray:
     """(N, 4) of the points of all clouds, one behind the other: scan, laser, range [m], time in the sweep [ms]."""
     columns = [
         np.stack(
@@ -152,7 +159,7 @@ def _returns(recording: Recording, look: Look, limit: int, kept: Sequence[BoolAr
             ],
             axis=1,
         )
-        for scan in _scans(recording, look, limit)
+        for scan in _scans(recording, look, motions.solved.trajectory, limit)
     ]
     of_cloud = np.concatenate(columns)
     return np.concatenate([of_cloud[mask] for mask in kept])
@@ -181,7 +188,7 @@ def _readout(
 
 def _points(scan: Scan, motions: Motions, source: Source) -> Float32Array:
     if source == "raw":
-        return rigid_map_points(scan, motions.solved.trajectory)
+        return api.raw_map_points(scan, motions.solved.trajectory)
     trajectory = motions.old if source == "old" and motions.old is not None else motions.shown
     return api.map_points(scan, trajectory)
 

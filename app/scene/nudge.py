@@ -81,6 +81,8 @@ def wall_blur(recording: Recording, solved: Solved, wrong: Trajectory) -> WallBl
     right_m: list[FloatArray] = []
     wrong_m: list[FloatArray] = []
     for place in spread(len(recording.scans), BLUR_SCANS):
+        if not api.covers(solved.trajectory, recording.scans[place]):
+            continue
         scan = thinned_scan(recording.scans[place], BLUR_POINTS)
         owner, dist_m = nearest_plane(
             api.map_points(scan, solved.trajectory), normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_m

@@ -26,9 +26,9 @@ from app.arrays.trajectory import TRAJECTORY, read_trajectory, write_trajectory
 from app.compiling import compiling_told
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import Order, OrderedPlane
-from app.results.evidence import StepListener, measure_evidence
-from app.results.scans import measure_scans
-from app.results.thickness import measure_thickness, spread
+from app.results.beside import measure_beside
+from app.results.evidence import StepListener
+from app.results.thickness import spread
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome, SurfaceOutcome
 from app.schemas.jobs import InitialGuess as WireGuess
@@ -147,17 +147,12 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         raise Cancelled("Stopped before anything was written.")
     order.folder.mkdir(parents=True, exist_ok=True)
     if trajectory is not None:
-        on_event(StageEvent(stage="deskew", fraction=0.0, text="measuring the walls"))
         write_trajectory(order.folder / TRAJECTORY, trajectory)
-        kept = api.without_spans(recording, order.request.settings.excluded_spans_s)
-        walls = measure_thickness(kept, trajectory, result.quality.planes)
-        _write(order.folder / "thickness.json", walls.model_dump_json())
-        on_event(StageEvent(stage="deskew", fraction=0.25, text="holding each scan against the walls"))
-        scans = measure_scans(recording, trajectory, result.quality.planes)
-        _write(order.folder / "scans.json", scans.model_dump_json())
-        on_event(StageEvent(stage="deskew", fraction=0.45, text="measuring what the plots show"))
-    evidence = measure_evidence(recording, result, trajectory, steps.steps)
-    _write(order.folder / "evidence.json", evidence.model_dump_json())
+    spans_s = wish.settings.excluded_spans_s
+    beside = measure_beside(recording, result, trajectory, steps.steps, excluded_spans_s=spans_s, on_event=on_event)
+    for name, measured in (("thickness", beside.walls), ("scans", beside.scans), ("evidence", beside.evidence)):
+        if measured is not None:
+            _write(order.folder / f"{name}.json", measured.model_dump_json())
     _write(order.folder / "reading.json", order.read_settings.model_dump_json())
     _write(order.folder / "result.json", document_by_name(order, result.to_json()))
     return solve_outcome(result)

@@ -18,9 +18,10 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
 from app.results import captions, chance, plot_parts, plots
+from app.results.beside import Beside
 from app.results.evidence import CORNER_SIDE_M, StepListener, densest, measure_evidence
 from app.results.imu_evidence import compare_imu, imu_motion
-from app.results.report import SETTINGS, Beside, report_page
+from app.results.report import SETTINGS, report_page
 from app.results.scans import measure_scans
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome

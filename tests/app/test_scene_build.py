@@ -10,7 +10,7 @@ import pytest
 from app.arrays.recording import read_recording, write_recording
 from app.planes import palette
 from app.planes.state import suggested
-from app.results.thickness import measure_thickness, rigid_map_points
+from app.results.thickness import measure_thickness
 from app.scene.aim import whole_view
 from app.scene.build import Solved, build_first, build_planes, thinned
 from app.scene.camera import quat_wxyz, rotation_matrix
@@ -19,6 +19,7 @@ from app.scene.nudge import nudged, wall_blur
 from app.scene.picking import pick
 from app.scene.straighten import fastest_scan, straighten
 from app.schemas.view import Nudge
+from calib_core import api
 from tests.app.support import world
 
 RECORDING = world.make_recording()
@@ -72,7 +73,7 @@ def test_thickness_is_the_motion_before_and_nothing_after():
 def test_rigid_points_keep_their_mutual_distances():
     """Law of a rigid body. Mutation: not transposing the rotation."""
     scan = RECORDING.scans[7]
-    moved = rigid_map_points(scan, SOLVED.trajectory)
+    moved = api.raw_map_points(scan, SOLVED.trajectory)
     before, after = scan.points["xyz"][:50], moved[:50]
     np.testing.assert_allclose(
         np.linalg.norm(before[:, None] - before, axis=2), np.linalg.norm(after[:, None] - after, axis=2), atol=1e-3
