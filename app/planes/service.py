@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 from pydantic import ValidationError
@@ -15,6 +16,7 @@ from app.bus import Bus
 from app.errors import ApiError, Conflict, NotFound
 from app.events import PlanesEdited, RecordingArrived
 from app.jobs.orders import OrderedPlane
+from app.locks import NamedLocks
 from app.planes.geometry import solved_outline
 from app.planes.operations import apply
 from app.planes.palette import plane_hex
@@ -35,13 +37,16 @@ DOCUMENT = "planes"
 
 #: Clouds kept in memory between two clicks.
 KEPT_PROPOSALS = 4
+#: What the doctor calls the planes, and the mark of the report that says so.
+MarkedRoom = tuple[str, Room]
 
 
 class PlaneService:
     """Reading and editing planes. Thread-safe: operations come from routes and from clicks in the scene.
 
     Each recording has a lock of its own, held while its clouds are read and fitted: who edits another does not wait for it.
-    Tells the bus of each change.
+    Tells the bus of each change, never under that lock: who hears of it may want another one, of jobs for instance, whose
+    holder wants this one.
     """
 
     def __init__(self, recordings: RecordingStore, documents: DocumentStore, files: DataFolder, bus: Bus) -> None:
@@ -49,50 +54,57 @@ class PlaneService:
         self._recordings = recordings
         self._documents = documents
         self._files = files
+        self._editing = NamedLocks()
         self._lock = threading.Lock()  # of the dictionaries below; never held while anything is read or fitted
-        self._editing: dict[str, threading.RLock] = {}
         self._proposals: OrderedDict[str, PlaneProposals] = OrderedDict()
         self._names: dict[str, dict[int, str]] = {}
-        self._rooms: dict[str, tuple[str, Room]] = {}
+        self._rooms: dict[str, MarkedRoom] = {}
+        self._damaged: dict[str, RecordingRecord] = {}
         self._strength = Strength()
 
     def read(self, recording_id: str) -> Planes:
         """The planes now."""
-        with self._own_lock(recording_id):
-            proposals, history = self.current(recording_id)
-            return self._wire(recording_id, history, proposals)
+        with self._held(recording_id):
+            proposals, history, room = self._now(recording_id)
+            return self._wire(room, history, proposals)
 
     def up(self, recording_id: str) -> FloatArray | None:
         """(3,) the vertical in the frame of the planes; None until the doctor knows it."""
-        known = self._rooms.get(recording_id)
+        with self._lock:
+            known = self._rooms.get(recording_id)
         return None if known is None else known[1].up
 
     def current(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory]:
         """Proposals and history; Conflict until there are some."""
-        with self._own_lock(recording_id):
-            key, proposals, room = self._load(recording_id)
-            history = self._kept(recording_id)
-            if history is None or history.cache_key != key:
-                revision = 0 if history is None else history.revision + 1
-                history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
-                self._keep(recording_id, history)
-            return proposals, named(history, room)
+        with self._held(recording_id):
+            proposals, history, _ = self._now(recording_id)
+            return proposals, history
+
+    def _now(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory, MarkedRoom]:
+        """The same, and what the doctor calls them. The recording's lock is held."""
+        key, proposals, room = self._load(recording_id)
+        history = self._kept(recording_id)
+        if history is None or history.cache_key != key:
+            revision = 0 if history is None else history.revision + 1
+            history = PlaneHistory(cache_key=key, revision=revision, steps=(suggested(proposals),), cursor=0)
+            self._keep(recording_id, history)
+        return proposals, named(history, room[1]), room
 
     def apply(self, recording_id: str, operation: Operation) -> Planes:
         """The planes after the operation."""
-        with self._own_lock(recording_id):
-            proposals, history = self.current(recording_id)
+        with self._held(recording_id):
+            proposals, history, room = self._now(recording_id)
             expected = operation.expected_revision
             if expected is not None and expected != history.revision:
                 raise Conflict(
                     "planes.revision",
                     f"The planes have changed meanwhile (revision {history.revision}, you saw {expected}); look again.",
                 )
-            after = named(self._after(history, operation, proposals), self._rooms[recording_id][1])
+            after = named(self._after(history, operation, proposals), room[1])
             if after.current == history.current and after.cursor == history.cursor:
-                return self._wire(recording_id, history, proposals)
+                return self._wire(room, history, proposals)
             self._keep(recording_id, after)
-            planes = self._wire(recording_id, after, proposals)
+            planes = self._wire(room, after, proposals)
         self._bus.publish(PlanesEdited(recording_id, planes.revision))
         return planes
 
@@ -121,11 +133,7 @@ class PlaneService:
 
     def looks(self, recording_id: str, planes: Sequence[OrderedPlane]) -> list[PlaneLook]:
         """How a run's planes are shown: in their colours, and by the names they have today."""
-        with self._own_lock(recording_id):
-            today = self._names.get(recording_id)
-            if today is None:
-                today = {patch.color: patch.name for patch in self._today(recording_id).patches}
-                self._names[recording_id] = today
+        today = self._names_of(recording_id)
         return [
             PlaneLook(
                 name=plane.name,
@@ -136,25 +144,46 @@ class PlaneService:
             for place, plane in enumerate(planes)
         ]
 
-    def _today(self, recording_id: str) -> PlaneSet:
-        try:
-            return self.current(recording_id)[1].current
-        except ApiError:  # its proposals are gone, or it is
-            history = self._kept(recording_id)
-            return PlaneSet(patches=()) if history is None else history.current
+    def _names_of(self, recording_id: str) -> dict[int, str]:
+        """Today's names by colour; remembered until they change, and of a deleted recording not at all."""
+        with self._held(recording_id):
+            with self._lock:
+                today = self._names.get(recording_id)
+            if today is not None:
+                return today
+            there = True
+            try:
+                planes = self._now(recording_id)[1].current
+            except ApiError as error:  # its proposals are gone, or it is
+                there = not isinstance(error, NotFound)
+                history = self._kept(recording_id)
+                planes = PlaneSet(patches=()) if history is None else history.current
+            today = {patch.color: patch.name for patch in planes.patches}
+            if there:
+                with self._lock:
+                    self._names[recording_id] = today
+            return today
 
     def forget(self, recording_id: str) -> None:
-        """Drop what is in memory of a deleted recording."""
-        with self._lock:
+        """Drop what is in memory of a deleted recording, once nobody is at it any more."""
+        with self._editing.hold(recording_id), self._lock:
             self._names.pop(recording_id, None)
             self._rooms.pop(recording_id, None)
-            self._editing.pop(recording_id, None)
+            self._damaged.pop(recording_id, None)
             for cached in [key for key in self._proposals if key.startswith(recording_id)]:
                 del self._proposals[cached]
 
-    def _own_lock(self, recording_id: str) -> threading.RLock:
-        with self._lock:
-            return self._editing.setdefault(recording_id, threading.RLock())
+    @contextmanager
+    def _held(self, recording_id: str) -> Iterator[None]:
+        """Hold the recording's lock, once in a call; what was found damaged meanwhile is told afterwards."""
+        try:
+            with self._editing.hold(recording_id):
+                yield
+        finally:
+            with self._lock:
+                damaged = self._damaged.pop(recording_id, None)
+            if damaged is not None:
+                self._bus.publish(RecordingArrived(damaged))
 
     def _kept(self, recording_id: str) -> PlaneHistory | None:
         """The planes as they were left; None where they never were touched, or can no longer be read."""
@@ -166,7 +195,8 @@ class PlaneService:
 
     def _keep(self, recording_id: str, history: PlaneHistory) -> None:
         self._documents.write(recording_id, DOCUMENT, history.model_dump_json())
-        self._names.pop(recording_id, None)
+        with self._lock:
+            self._names.pop(recording_id, None)
 
     def _after(self, history: PlaneHistory, operation: Operation, proposals: PlaneProposals) -> PlaneHistory:
         if isinstance(operation, Undo):
@@ -180,26 +210,28 @@ class PlaneService:
         edited: PlaneSet = apply(history.current, operation, proposals=proposals, grow=api.grow_plane)
         return history if edited == history.current else history.push(edited)
 
-    def _wire(self, recording_id: str, history: PlaneHistory, proposals: PlaneProposals) -> Planes:
-        mark, room = self._rooms[recording_id]
+    def _wire(self, marked: MarkedRoom, history: PlaneHistory, proposals: PlaneProposals) -> Planes:
+        mark, room = marked
         growth = self._strength.growth(room, mark, history.current, suggested(proposals))
         known = foreseen(room.forecast, growth)
         return wire_planes(history, static=proposals.static, up=room.up, known=known, doubts=room.doubts)
 
-    def _room(self, record: RecordingRecord, proposals: PlaneProposals) -> Room:
+    def _room(self, record: RecordingRecord, proposals: PlaneProposals) -> MarkedRoom:
         """What the doctor calls these planes; worked out anew when there is another report."""
         mark = f"{self._files.cache_key(record)}/{hash(record.report_json)}"
-        known = self._rooms.get(record.id)
+        with self._lock:
+            known = self._rooms.get(record.id)
         if known is not None and known[0] == mark:
-            return known[1]
+            return known
         report = None if record.report_json is None else Report.model_validate_json(record.report_json)
         room = Room() if report is None else room_of(report.planes, proposals, report.forecast)
         room = replace(room, foresight=foresight_folder(self._files.cache(record)))
-        self._rooms[record.id] = (mark, room)
-        self._names.pop(record.id, None)
-        return room
+        with self._lock:
+            self._rooms[record.id] = (mark, room)
+            self._names.pop(record.id, None)
+        return mark, room
 
-    def _load(self, recording_id: str) -> tuple[str, PlaneProposals, Room]:
+    def _load(self, recording_id: str) -> tuple[str, PlaneProposals, MarkedRoom]:
         record = self._recordings.find(recording_id)
         if record is None:
             raise NotFound("recording.not_found", "The recording has been deleted.")
@@ -215,7 +247,8 @@ class PlaneService:
                 proposals = read_proposals(folder)
         except DamagedArrays:
             if discard(folder):  # there was something, and it was not whole: it is found again
-                self._bus.publish(RecordingArrived(record))
+                with self._lock:
+                    self._damaged[recording_id] = record
             raise Conflict(
                 "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
             ) from None
