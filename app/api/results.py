@@ -8,7 +8,7 @@ from fastapi.responses import HTMLResponse, PlainTextResponse
 from app.results.extrinsic_text import parse_extrinsic
 from app.schemas.results import Command, ExtrinsicText, Runs, ScanQuality, Thickness
 from app.schemas.view import OldExtrinsic
-from app.server.deps import JobDep, RecordingDep, ServicesDep
+from app.server.deps import GuestDep, JobDep, RecordingDep, ServicesDep
 from calib_core.result import CalibrationResult
 
 router = APIRouter(prefix="/api", tags=["results"])
@@ -45,9 +45,9 @@ def read_scans(services: ServicesDep, job: JobDep) -> ScanQuality:
 
 
 @router.get("/results/{job_id}/command")
-def read_command(services: ServicesDep, job: JobDep) -> Command:
+def read_command(services: ServicesDep, job: JobDep, guest: GuestDep) -> Command:
     """The same calibration on the command line, and the files it needs."""
-    return services.results.command(job, services.recordings.get(job.recording_id))
+    return services.results.command(job, services.recordings.get(job.recording_id), guest=guest)
 
 
 @router.get("/results/{job_id}/scene.html", response_class=HTMLResponse)
@@ -65,9 +65,9 @@ def read_extrinsic(wish: ExtrinsicText) -> OldExtrinsic:
 
 
 @router.get("/results/{job_id}/report", response_class=HTMLResponse)
-def read_report(services: ServicesDep, job: JobDep) -> str:
+def read_report(services: ServicesDep, job: JobDep, guest: GuestDep) -> str:
     """The result as one self-contained page for people, to keep or print."""
-    return services.results.report_page(job, services.recordings.get(job.recording_id))
+    return services.results.report_page(job, services.recordings.get(job.recording_id), guest=guest)
 
 
 @router.get("/recordings/{recording_id}/runs")

@@ -14,6 +14,9 @@ from app.schemas.jobs import InitialGuess, JobKind, Outcome
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.settings import CalibrateSettings, ReadSettings
 
+#: A sample is the same recording for everybody.
+SAMPLE_SEED = 1
+
 
 class _Parcel(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

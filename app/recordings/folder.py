@@ -61,6 +61,12 @@ class RecordingsFolder:
             )
         return found
 
+    def path_of(self, source: Path) -> str | None:
+        """Where a recording is below the root, as whoever opened it chose it; None where no such folder is offered now."""
+        if self._root is None or not source.is_relative_to(self._root):
+            return None
+        return source.relative_to(self._root).as_posix()
+
     def _within(self, path: str) -> tuple[Path, Path]:
         if self._root is None:
             raise NotFound("folder.not_offered", "This server offers no folder; start it with --recordings DIR.")

@@ -240,6 +240,7 @@ def new_record(name: str, origin: Origin, *, source: str, size_bytes: int, state
         read_settings_json=ReadSettings().model_dump_json(),
         report_json=None,
         created_at=datetime.now(UTC),
+        file_name=name,
     )
 
 

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import json
 import shlex
+from dataclasses import dataclass
 
-from app.jobs.orders import OrderedPlane, StoredRequest
+from app.jobs.orders import SAMPLE_SEED, OrderedPlane, StoredRequest
 from app.schemas.jobs import InitialGuess
 from app.schemas.results import Command, CommandFile
+from app.storage.records import RecordingRecord
 from calib_core.result import CalibrationResult
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
@@ -28,11 +30,43 @@ GUESS_FILE = "guess.json"
 NOISE_FILE = "noise.json"
 
 
-def command_of(result: CalibrationResult, reading: ReadSettings, request: StoredRequest) -> Command:
-    """The command, and the files to save beside the recording."""
+@dataclass(frozen=True)
+class Found:
+    """The recording as who runs the command finds it. word: its name or path.   note: where that is, if it has to be said."""
+
+    word: str
+    note: str | None = None
+
+
+def found_by(recording: RecordingRecord, below: str | None) -> Found:
+    """What the recording's file is called where it came from; where the server keeps things is told to nobody.
+
+    below: its path in the server's folder of recordings; None where it is not in one that is offered.
+    """
+    word = recording.file_name or recording.name
+    if recording.origin == "sample":
+        make = shlex.join(["unsweep", "simulate", recording.scenario, word, "--seed", str(SAMPLE_SEED)])
+        return Found(word, f"The sample is made by: {make}")
+    if recording.origin == "folder":
+        if below is None:
+            return Found(word, "The server does not offer this recording's folder now: put its path before the name.")
+        return Found(below, "The path is that in the server's folder of recordings: run the command there.")
+    if not recording.file_name:
+        return Found(word, "What the file was called when it came is not known any more: put its own name there.")
+    return Found(word)
+
+
+def command_of(
+    result: CalibrationResult, reading: ReadSettings, request: StoredRequest, *, found: Found | None = None
+) -> Command:
+    """The command, and the files to save beside the recording.   found: None for the name that the result has."""
     settings, files, notes = request.settings, [], []
     provenance = result.provenance.recording
-    words = ["unsweep", "calibrate", provenance.name]
+    found = found or Found(provenance.name)
+    if found.note is not None:
+        notes.append(found.note)
+    # A name that begins with a dash would be an option.
+    words = ["unsweep", "calibrate", f"./{found.word}" if found.word.startswith("-") else found.word]
     words += ["--lidar-topic", provenance.lidar_topic, "--imu-topic", provenance.imu_topic]
     words += _reading_words(reading)
     words += _solving_words(settings)

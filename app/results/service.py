@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,7 +15,7 @@ from app.jobs.machine import SENTENCES
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
 from app.results.beside import Beside
-from app.results.command import command_of
+from app.results.command import Found, command_of, found_by
 from app.results.report import report_page
 from app.schemas.evidence import Evidence
 from app.schemas.jobs import Job, SolveOutcome
@@ -30,11 +31,14 @@ _Model = TypeVar("_Model", bound=BaseModel)
 
 
 class ResultService:
-    """Reads what solves left behind."""
+    """Reads what solves left behind.   below: the path of a source in the folder of recordings that is offered, or None."""
 
-    def __init__(self, files: DataFolder, jobs: JobService) -> None:
+    def __init__(
+        self, files: DataFolder, jobs: JobService, *, below: Callable[[Path], str | None] = lambda _: None
+    ) -> None:
         self._files = files
         self._jobs = jobs
+        self._below = below
 
     def document(self, job: JobRecord) -> CalibrationResult:
         """The result document."""
@@ -76,21 +80,23 @@ class ResultService:
             raise Conflict("result.no_scans", "This run did not measure its scans one by one; solve again to see them.")
         return ScanQuality.model_validate_json(path.read_text(encoding="utf-8"))
 
-    def command(self, job: JobRecord, recording: RecordingRecord) -> Command:
-        """The same run on the command line."""
+    def command(self, job: JobRecord, recording: RecordingRecord, *, guest: bool = False) -> Command:
+        """The same run on the command line.   guest: sees one recording by its name, and no folder."""
         path = self._files.job(job.id) / "reading.json"
         text = path.read_text(encoding="utf-8") if path.is_file() else recording.read_settings_json
         reading = ReadSettings.model_validate_json(text)
-        return command_of(self.document(job), reading, StoredRequest.model_validate_json(job.request_json))
+        found = Found(recording.name) if guest else found_by(recording, self._below(self._files.source(recording)))
+        request = StoredRequest.model_validate_json(job.request_json)
+        return command_of(self.document(job), reading, request, found=found)
 
-    def report_page(self, job: JobRecord, recording: RecordingRecord) -> str:
-        """The result as one page for people."""
+    def report_page(self, job: JobRecord, recording: RecordingRecord, *, guest: bool = False) -> str:
+        """The result as one page for people.   guest: as above."""
         folder = self._files.job(job.id)
         beside = Beside(
             walls=_kept(folder / "thickness.json", Thickness),
             scans=_kept(folder / "scans.json", ScanQuality),
             evidence=_kept(folder / "evidence.json", Evidence),
-            command=self.command(job, recording).text,
+            command=self.command(job, recording, guest=guest).text,
             made_at=job.ended_at,
         )
         return report_page(self.document(job), beside)

@@ -48,5 +48,11 @@ def _check_shared(connection: HTTPConnection, recording_id: str) -> None:
         raise Refused("share.other", "Your link shows one recording only; ask for the server's own address.")
 
 
+async def is_guest(connection: HTTPConnection) -> bool:
+    """Whether the visitor came by a link to one recording."""
+    return getattr(connection.state, "shared", None) is not None
+
+
+GuestDep = Annotated[bool, Depends(is_guest)]
 RecordingDep = Annotated[RecordingRecord, Depends(get_recording)]
 JobDep = Annotated[JobRecord, Depends(get_job)]

@@ -100,7 +100,7 @@ class Services:
         self.recordings = RecordingService(recording_store, documents, self.files, self.folder, self.jobs, bus)
         self.arrivals = Arrivals(recording_store, self.files, self.recordings, bus, settings=settings)
         self.keeping = Keeping(recording_store, self.files, self.jobs, self.recordings, settings=settings)
-        self.results = ResultService(self.files, self.jobs)
+        self.results = ResultService(self.files, self.jobs, below=self.folder.path_of)
         self.sources = SceneSources(self.files, self.jobs)
         self._composer = Composer(
             self.sources,

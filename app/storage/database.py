@@ -70,6 +70,7 @@ RECORDINGS = Table(
     Column("read_settings_json", Text, nullable=False),
     Column("report_json", Text),
     Column("created_at", UtcTime, nullable=False),
+    Column("file_name", String(200), nullable=False, server_default=""),
 )
 
 JOBS = Table(

@@ -12,7 +12,10 @@ from app.schemas.recordings import Origin, RecordingState
 
 @dataclass(frozen=True, slots=True)
 class RecordingRecord:
-    """One recording. `source` is a path: below the data directory for uploads and samples, absolute for folders."""
+    """One recording. `source` is a path: below the data directory for uploads and samples, absolute for folders.
+
+    name: what people call it.   file_name: what it came as; "" where an earlier version did not keep that.
+    """
 
     id: str
     name: str
@@ -25,6 +28,7 @@ class RecordingRecord:
     read_settings_json: str
     report_json: str | None
     created_at: datetime
+    file_name: str = ""
 
 
 class RecordingChanges(TypedDict, total=False):

@@ -25,7 +25,7 @@ from app.arrays.surface import SURFACE, Surface, write_surface
 from app.arrays.trajectory import TRAJECTORY, read_trajectory, write_trajectory
 from app.compiling import compiling_told
 from app.jobs.naming import document_by_name, events_by_name
-from app.jobs.orders import Order, OrderedPlane
+from app.jobs.orders import SAMPLE_SEED, Order, OrderedPlane
 from app.results.beside import measure_beside
 from app.results.evidence import StepListener
 from app.results.thickness import spread
@@ -42,8 +42,6 @@ from calib_core.errors import Cancelled, InputError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.types import InitialGuess, Plane, PlaneProposals, Recording
 
-#: A sample is the same recording for everybody.
-SAMPLE_SEED = 1
 #: A surface is laid through so many scans, thinned to voxels of this edge, and drawn with so many triangles.
 SURFACE_SCANS, SURFACE_VOXEL_M, SURFACE_TRIANGLES = 60, 0.1, 12_000
 #: What a job says once its planes can be looked at, while it goes on reading.
