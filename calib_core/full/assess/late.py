@@ -196,8 +196,9 @@ def told_of(value: FloatArray, spread: FloatArray, prior: float, known_to: float
 
 
 def with_late(state: Estimation, block: Block, std: float) -> Estimation:
-    """With one of them among the unknowns, of which nothing is known yet."""
-    nuisance = state.nuisance.with_late(block, std)
+    """With one of them among the unknowns, so large: of which nothing is known yet, or as it is where it was among them."""
+    nuisance, before, values = state.nuisance.with_late(block, std), state.nuisance.places, state.estimate.nuisance
     place = nuisance.places[block]
-    values = np.insert(state.estimate.nuisance, place.start, np.zeros(place.stop - place.start))
-    return state.with_nuisance(nuisance, values)
+    own = values[before[block]] if block in before else np.zeros(place.stop - place.start)
+    others = np.delete(values, before[block]) if block in before else values
+    return state.with_nuisance(nuisance, np.insert(others, place.start, own))
