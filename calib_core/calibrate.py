@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from calib_core.asked import check_priors, each_once, say_unused, with_offset_to_hold
 from calib_core.counts import counted
 from calib_core.document import Answer, Heard, Question, document, refused
 from calib_core.errors import Refused, SettingsError
@@ -59,7 +60,7 @@ def calibrate(
     lidar's motion is kept for the next solve of the same recording.   Raises SettingsError and
     Cancelled; whatever the recording cannot give is a result with status `refused`.
     """
-    _check_priors(settings, initial_guess)
+    check_priors(settings, initial_guess)
     started = time.monotonic()
     whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
     forward = ForwardOnly(on_event, PLANNED[settings.method])
@@ -74,20 +75,27 @@ def calibrate(
             )
         )
         _check_reference(whole, recording, settings, planes)
+    say_unused(settings, heard)
+    planes = None if planes is None else each_once([facing_the_lidar(plane) for plane in planes], heard)
+    guess = with_offset_to_hold(recording, settings, initial_guess, heard)
     aloud = heard.said_so_far()
-    planes = None if planes is None else [facing_the_lidar(plane) for plane in planes]
-    question = Question(settings, planes, initial_guess, kept_in, heard, should_cancel)
+    question = Question(settings, planes, guess, kept_in, heard, should_cancel)
     try:
         answer = _answer(recording, question)
         broken = _broken(answer, recording, heard)
         if broken is not None:
-            sides, why = broken
-            kept = without_spans(recording, [sides.left_out_s])
+            kept = without_spans(recording, [broken.sides.left_out_s])
             again = Heard(forward, aloud)
-            again(why)
+            again(broken.said(f"only what lies {_between(broken.sides.longer_s)} is used"))
             better = _of_one_side(kept, recording, replace(question, kept_in=None, on_event=again))
-            if better is not None and not (why.code == SILENT and _disagrees(again)):
+            if better is not None and not (broken.code == SILENT and _disagrees(again)):
                 answer, recording, heard = better, kept, again
+            elif better is None:
+                heard(
+                    broken.said(
+                        "neither side alone gives an answer, and all of it is used, which is not to be relied on"
+                    )
+                )
     except Refused as refusal:
         text = because_of(refusal, heard.messages)
         said = [*heard.messages, Message(code=refusal.code, level="error", text=text)]
@@ -193,28 +201,37 @@ def clock_step_of(answer: Answer, recording: Recording) -> Sides | None:
     return clock_step(blocks, turning_within(blocks, recording, answer.time_offset_ns))
 
 
-def _broken(answer: Answer, recording: Recording, heard: Heard) -> tuple[Sides, LogEvent] | None:
+@dataclass(frozen=True)
+class Break:
+    """Where a recording falls in two: its sides, and in words what breaks it, and what helps."""
+
+    sides: Sides
+    code: str
+    what: str
+    cure: str
+
+    def said(self, used: str) -> LogEvent:
+        """For a person. used: what of the recording."""
+        return LogEvent(level="warning", code=self.code, text=f"{self.what}: {used}; {self.cure}")
+
+
+def _broken(answer: Answer, recording: Recording, heard: Heard) -> Break | None:
     """Where a recording whose parts disagree falls in two that may not, and what is said of it; None where it is of one piece."""
     step = clock_step_of(answer, recording)
     if step is not None:
         # A mount that slips asks stretches for other offsets as well.
         what = f"the two clocks were set against each other, or the mount slipped, {_between(step.within_s)}"
         cure = "find out which clock jumps and give it a source of time, or fasten the mount"
-        return step, _said("clock.set", what, step, cure)
+        return Break(step, "clock.set", what, cure)
     silence = imu_silence(recording, answer.time_offset_ns) if _disagrees(heard) else None
     if silence is not None:
         what = f"the IMU is silent {_between(silence.within_s)}, and what lies before does not go with what lies after"
-        return silence, _said(SILENT, what, silence, "find out where its readings are lost")
+        return Break(silence, SILENT, what, "find out where its readings are lost")
     return None
 
 
 def _disagrees(heard: Heard) -> bool:
     return any(message.code == DISAGREEMENT for message in heard.messages)
-
-
-def _said(code: str, what: str, sides: Sides, cure: str) -> LogEvent:
-    text = f"{what}: only what lies {_between(sides.longer_s)} is used; {cure}"
-    return LogEvent(level="warning", code=code, text=text)
 
 
 def _between(span_s: tuple[float, float]) -> str:
@@ -245,16 +262,6 @@ def _holds_reference(
     before, _ = find_reference(whole.scans, settings)
     after, _ = find_reference(kept.scans, settings)
     return whole.scans[before].stamp_ns == kept.scans[after].stamp_ns
-
-
-def _check_priors(settings: CalibrateSettings, guess: InitialGuess | None) -> None:
-    """Raises SettingsError where a turn is given from nowhere: of the program's own start nobody knows anything beforehand."""
-    turns = sorted({prior.axis for prior in settings.priors if prior.axis in ("rx", "ry", "rz")})
-    if turns and (guess is None or guess.R_imu_lidar is None):
-        raise SettingsError(
-            f"Expected an initial guess with a rotation beside the prior on {', '.join(turns)}, which is a small turn from it"
-            " about the lidar's axes, and found none; give the rotation that is known as the initial guess."
-        )
 
 
 def _check_reference(

@@ -73,7 +73,11 @@ def add_solving(command: Parser) -> None:
         metavar="START:END",
         help="leave out the scans of this span, in seconds after the first scan; may come often",
     )
-    add("--fix-time-offset", action="store_true", help="keep the time offset at its start value")
+    add(
+        "--fix-time-offset",
+        action="store_true",
+        help="hold the time offset as the initial guess has it, at 0 without one",
+    )
     add("--fix-planes", action="store_true", help="keep the planes as given or as first seen")
     add(
         "--bias-model",

@@ -10,13 +10,18 @@ from calib_core.full.planes.standing import WORDS, doubts, fault_of, is_mostly_b
 from calib_core.full.run import Run
 
 
-def say_doubtful_choice(run: Run, solved: Solved) -> None:
+def say_doubtful_choice(run: Run, solved: Solved, *, faults_count: bool = True) -> None:
     """Name the doubtful among the planes that a person chose: they count all the same.
+
+    faults_count: whether what moves or bends is said, too; what no point lies on is, always.
 
     Doubtful is also what was while gates were wide: narrow ones see of a box before a wall what lies near the plane.
     """
     stand = standings(solved.problem, solved.estimate)
-    seen = [fault_of(row) or plane.fault for row, plane in zip(doubts(stand), solved.planes, strict=True)]
+    seen = [
+        (fault_of(row) or plane.fault) if faults_count else None
+        for row, plane in zip(doubts(stand), solved.planes, strict=True)
+    ]
     points = [count for _, count in plane_residuals(solved.problem, solved.estimate)]
     for plane, fault, count in zip(solved.planes, seen, points, strict=True):
         if plane.chosen and count < PLAUSIBLE.unseen_share * sum(points):
@@ -30,7 +35,7 @@ def say_doubtful_choice(run: Run, solved: Solved) -> None:
                 "planes.doubted",
                 f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
             )
-    if is_mostly_bent(stand):
+    if faults_count and is_mostly_bent(stand):
         run.say(
             "warning",
             "planes.bent",

@@ -59,9 +59,10 @@ def weigh(run: Run, solved: Solved, *, is_choice: bool) -> Confidence:
     except NotPositiveDefinite as error:  # its sensors' own parameters can be such that nothing is determined any more
         raise Refused("solve.diverged", _NO_ANSWER) from error
     require_rotation(trust.knowledge)
-    # Where planes are held wrong, others seem to move and to bend.
-    if is_choice and not any(each.what.startswith(PLANES) for each in trust.contradicted):
-        say_doubtful_choice(run, solved)
+    if is_choice:
+        # Where planes are held wrong, others seem to move and to bend.
+        held_wrong = any(each.what.startswith(PLANES) for each in trust.contradicted)
+        say_doubtful_choice(run, solved, faults_count=not held_wrong)
     return trust
 
 

@@ -53,12 +53,16 @@ def associate(
 
 
 def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:
-    """At most so many points a plane, drawn evenly at random (pt/pl/sc)."""
-    rng = np.random.default_rng(seed)
+    """At most so many points a plane, drawn evenly at random (pt/pl/sc).
+
+    Each point of a scan has its place in the draw, whichever others take part: drawn anew whenever one of them came or went, no
+    two rounds had the same points, and none came to rest.
+    """
+    place = np.random.default_rng(seed).random(len(keep))
     out = np.zeros_like(keep)
     for plane in np.unique(hits.plane[keep]):
         mine = np.flatnonzero(keep & (hits.plane == plane))
-        out[mine if len(mine) <= cap else rng.choice(mine, cap, replace=False)] = True
+        out[mine[np.argsort(place[mine])[:cap]]] = True
     return out
 
 

@@ -36,6 +36,10 @@ class Patches:
     #: wall: both would make each other's points ambiguous. What a person is shown depends on it.
     distinct_deg: float = 8.0
     distinct_m: float = 0.25
+    #: judged: planes that somebody gives and that are as near as a wall's points scatter about it, turned by no more than a scan
+    #: tells a small wall, are one. Whether the second counts depends on it.
+    twice_deg: float = 3.0
+    twice_m: float = 0.05
     #: derived: a sparse lidar's points along a ring are 0.035 m apart at 10 m, its rings 0.35: cells hold one at least
     #: along every ring. Area is counted in them, and shown.
     cell_m: float = 0.2

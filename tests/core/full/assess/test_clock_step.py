@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from calib_core import calibrate as page
 from calib_core.calibrate import calibrate
 from calib_core.full.assess.clock_step import clock_step, misfit, turning_within
 from calib_core.result import TimeBlock
@@ -168,3 +169,22 @@ def test_a_recording_whose_clock_was_set_is_answered_by_its_longer_part(recorded
     assert result.time_offset_s == pytest.approx(truth.time_offset_ns * 1e-9 - 5e-3, abs=4.0 * std[6])
     off = np.array(result.T_imu_lidar.translation_m) - truth.p_imu_lidar
     assert np.linalg.norm(off) < 4.0 * np.linalg.norm(std[3:6])
+
+
+def test_a_clock_that_was_set_is_told_where_no_side_alone_answers(
+    recorded: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of planes that are given in the frame of a scan on the other side. Seen: not a word of it. Mutations: none; that one
+    side is used.
+    """
+    recording, _ = recorded
+    imu = recording.imu
+    later = np.where(np.arange(len(imu.stamps_ns)) > 0.4 * len(imu.stamps_ns), 5_000_000, 0)
+    spoilt = replace(recording, imu=replace(imu, stamps_ns=imu.stamps_ns + later))
+    monkeypatch.setattr(page, "_of_one_side", lambda *_: None)
+    settings = CalibrateSettings(intrinsics="off", points_per_plane_per_scan=100, crispness=False)
+    result = calibrate(spoilt, settings).result
+    said = {message.code: message.text for message in result.messages}
+    assert "the two clocks were set against each other, or the mount slipped, between" in said["clock.set"]
+    assert "neither side alone gives an answer, and all of it is used" in said["clock.set"]
+    assert result.quality.scans_used > 0.9 * len(recording.scans)
