@@ -12,10 +12,10 @@ import numpy as np
 
 from calib_core.full.initialise.rotation import best_turns, fit_lags, is_worse, left_by
 from calib_core.full.initialise.settings import AGREEING, ROTATING
-from calib_core.full.initialise.start import LidarTrack, RotationStart
+from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
 from calib_core.full.run import Run
 from calib_core.geometry import log
-from calib_core.types import InitialGuess
+from calib_core.types import FloatArray, InitialGuess
 
 
 def guided(run: Run, track: LidarTrack, found: list[RotationStart], guess: InitialGuess) -> tuple[RotationStart, bool]:
@@ -71,3 +71,22 @@ def _refuted(run: Run, track: LidarTrack, base: RotationStart, R_imu_lidar: np.n
         f"alike{inverted}: the solve starts from the latter",
     )
     return True
+
+
+def with_lever_arm(run: Run, found: LinearStart, as_given: LinearStart, p_imu_lidar: FloatArray) -> LinearStart:
+    """The linear start with a lever arm (3,) that was given, where the motions do not refute it; says so where they do.
+
+    as_given: the linear start with that lever arm held. What leaves as little of both motions as their own is no worse, and what
+    priors will hold is no matter of the start.
+    """
+    is_held = any(prior.axis in {"tx", "ty", "tz"} for prior in run.settings.priors)
+    if is_held or not is_worse(as_given.rms, found.rms):
+        return replace(found, p_imu_lidar=p_imu_lidar)
+    away_m = float(np.linalg.norm(p_imu_lidar - found.p_imu_lidar))
+    run.say(
+        "warning",
+        "start.guess_refuted",
+        f"the lever arm of the initial guess is {away_m:.2g} m from the one by which both sensors move alike: the solve starts "
+        "from the latter",
+    )
+    return found

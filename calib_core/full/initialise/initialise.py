@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, gravity_complaint, unit_complaint
-from calib_core.full.initialise.guided import guided
+from calib_core.full.initialise.guided import guided, with_lever_arm
 from calib_core.full.initialise.linear import linear_start, linear_steps
 from calib_core.full.initialise.rigid import require_rigid
 from calib_core.full.initialise.rotation import acceleration_start, is_worse, rotation_start
@@ -83,7 +83,11 @@ def initialise(
     if steps.astray.any():
         linear = steps.start
     if guess is not None and guess.p_imu_lidar is not None:
-        linear = replace(linear, p_imu_lidar=guess.p_imu_lidar)
+        as_given = linear_steps(
+            lidar, run.clocks.imu_s, imu.accel_m_s2, rotation,
+            gravity_m_s2=magnitude, lever_arm_m=guess.p_imu_lidar,
+        )  # fmt: skip
+        linear = with_lever_arm(run, linear, as_given.start, guess.p_imu_lidar)
     return lidar, Start(rotation, linear)
 
 

@@ -67,11 +67,12 @@ def linear_steps(
     start: RotationStart,
     *,
     gravity_m_s2: float,
+    lever_arm_m: FloatArray | None = None,
 ) -> Steps:
     """The same, with its steps. Where some have gone astray the others tell it: a track that took a box for the floor slid by
     0.7 m within half a second, and turned the lever arm by as much.
     """
-    fitted, count = _fitting(track, imu_s, accel_m_s2, start, gravity_m_s2)
+    fitted, count = _fitting(track, imu_s, accel_m_s2, start, gravity_m_s2, lever_arm_m)
     steps = fitted(np.ones(count))
     if steps.astray.any():
         for _ in range(LINEAR.robust_passes):
@@ -81,7 +82,12 @@ def linear_steps(
 
 
 def _fitting(
-    track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatArray, start: RotationStart, gravity_m_s2: float
+    track: LidarTrack,
+    imu_s: FloatArray,
+    accel_m_s2: FloatArray,
+    start: RotationStart,
+    gravity_m_s2: float,
+    lever_arm_m: FloatArray | None = None,
 ) -> tuple[Callable[[FloatArray], Steps], int]:
     """The least squares under weights (N,) of the steps' positions, and how many steps there are."""
     stamps = imu_s + start.time_offset_s
@@ -115,7 +121,7 @@ def _fitting(
         told = scipy.sparse.diags(every) @ only_seen
         weighted = told @ rows
         for _ in range(LINEAR.passes):
-            prior, target = _start_priors(m, gravity, gravity_m_s2)
+            prior, target = _start_priors(m, gravity, gravity_m_s2, lever_arm_m)
             matrix = scipy.sparse.vstack([weighted, prior]).tocsc()
             vector = np.concatenate([told @ rhs, target])
             solution = scipy.sparse.linalg.spsolve((matrix.T @ matrix).tocsc(), matrix.T @ vector)
@@ -163,13 +169,20 @@ def _linear_rows(
     return scipy.sparse.csr_matrix((value, (row, col)), shape=(6 * n, 3 * m + 9))
 
 
-def _start_priors(m: int, gravity: FloatArray, magnitude: float) -> tuple[scipy.sparse.csr_matrix, FloatArray]:
-    """Weak priors that keep undetermined directions finite: p_c within metres of zero, bias small, |g| known."""
+def _start_priors(
+    m: int, gravity: FloatArray, magnitude: float, lever_arm_m: FloatArray | None
+) -> tuple[scipy.sparse.csr_matrix, FloatArray]:
+    """Weak priors that keep undetermined directions finite: p_c within metres of zero, or as given; bias small, |g| known."""
     size = 3 * m + 9
     std = (LINEAR.any_velocity_m_s,) * m + (LINEAR.any_gravity_m_s2, LINEAR.lever_arm_m, LINEAR.bias_m_s2)
     diagonal = 1.0 / np.repeat(std, 3)
     rows = [scipy.sparse.diags(diagonal)]
     target = np.zeros(size)
+    if lever_arm_m is not None:
+        held = slice(3 * m + 3, 3 * m + 6)
+        diagonal[held] = 1.0 / LINEAR.held_m
+        rows = [scipy.sparse.diags(diagonal)]
+        target[held] = lever_arm_m / LINEAR.held_m
     norm = float(np.linalg.norm(gravity))
     if norm > LINEAR.least_gravity_m_s2:
         row = np.zeros((1, size))

@@ -274,6 +274,8 @@ class Linear:
     any_gravity_m_s2: float = 1e4
     lever_arm_m: float = 2.0
     bias_m_s2: float = 0.3
+    #: derived: a lever arm that is given is held to this, a hundredth of what a linear start is right to.
+    held_m: float = 1e-4
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.full.initialise.guided import guided
+from calib_core.full.initialise.guided import guided, with_lever_arm
+from calib_core.full.initialise.linear import linear_steps
 from calib_core.full.initialise.rotation import best_turns, left_by, rotation_start
-from calib_core.full.initialise.start import LidarTrack
-from calib_core.settings import CalibrateSettings
+from calib_core.full.initialise.start import LidarTrack, RotationStart
+from calib_core.settings import CalibrateSettings, Prior
 from calib_core.simulate import SCENARIOS, Truth
 from calib_core.simulate.motions import ONE_AXIS, PAPER_FAST
 from calib_core.types import FloatArray, InitialGuess
@@ -126,3 +127,43 @@ def test_a_time_offset_at_which_nothing_turns_alike(off_s: float, held: bool, be
         assert f"is {abs(off_s):.3g} s {'above' if off_s > 0 else 'below'} the one" in text.replace(
             "0.501", "0.5"
         ).replace("0.499", "0.5").replace("0.699", "0.7").replace("0.701", "0.7")
+
+
+@pytest.mark.parametrize(
+    ("off_m", "one_axis", "prior", "refuted"),
+    [
+        ((0.02, 0.0, 0.02), False, False, False),
+        ((0.0, 0.0, 2.0), False, False, True),
+        ((1.0, 1.0, 0.0), False, True, False),
+        ((0.0, 0.0, 2.0), True, False, False),
+    ],
+)
+def test_a_lever_arm_that_both_motions_refute(
+    off_m: tuple[float, ...], one_axis: bool, prior: bool, refuted: bool
+) -> None:
+    """Along an axis about which alone it turns nothing is told. Seen: 2 m off, the answer 2 sigmas elsewhere, with two tones.
+
+    Mutations: never refuted; always; begun with all the same; what a prior holds put aside; not held while it is asked.
+    """
+    truth = _truth(replace(SCENARIO, motion=ONE_AXIS if one_axis else PAPER_FAST))
+    track = _tracked(truth, 10.0, 30.0, noise=0.002)
+    stamps, gyro, accel = _imu(truth, 5.0, 35.0, OFFSET_S)
+    said: list[str] = []
+    priors = (Prior(axis="tx", value=0.0, std=1.0),) if prior else ()
+    run = SimpleNamespace(
+        settings=CalibrateSettings(priors=priors), say=lambda _, code, text: said.append(f"{code} {text}")
+    )
+    rotation = RotationStart(OFFSET_S, truth.R_imu_lidar, np.zeros(3), 0.01, 1.0, None)
+    axis = np.linalg.svd(gyro, full_matrices=False)[2][0]  # of most turning
+    away_m = off_m[2] * axis if one_axis else np.array(off_m)
+    given_m = truth.p_imu_lidar + away_m
+    found, as_given = (
+        linear_steps(track, stamps, accel, rotation, gravity_m_s2=9.81, lever_arm_m=each).start
+        for each in (None, given_m)
+    )
+    np.testing.assert_allclose(as_given.p_imu_lidar, given_m, atol=1e-2)
+    begun = with_lever_arm(run, found, as_given, given_m)  # type: ignore[arg-type]
+    np.testing.assert_array_equal(begun.p_imu_lidar, found.p_imu_lidar if refuted else given_m)
+    assert [text.startswith("start.guess_refuted the lever arm of the initial guess is 2 m from") for text in said] == (
+        [True] * refuted
+    )
