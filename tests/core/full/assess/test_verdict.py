@@ -50,7 +50,7 @@ def test_sensors_are_less_sure_by_what_parts_disagree_about(monkeypatch: pytest.
 def test_planes_that_are_held_wrong_make_no_others_doubtful(
     monkeypatch: pytest.MonkeyPatch, is_choice: bool, wrong: str, said: bool | None
 ) -> None:
-    """And what no point lies on is looked for all the same. Mutations: not looked for; doubtful all the same; of no choice, too."""
+    """And what no point lies on is looked for all the same. Mutations: not looked for; doubtful all the same; of no choice."""
     asked: list[bool] = []
     contradicted = (SimpleNamespace(what=verdict.PLANES),) if wrong else ()
     trust = SimpleNamespace(contradicted=contradicted, knowledge=SimpleNamespace(rotation_known=True))
