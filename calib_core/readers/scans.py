@@ -65,6 +65,11 @@ class _Columns(NamedTuple):
 
 _scratch = _Scratch()
 
+#: After so long clocks of points begin anew, beside those that count in 32 bits: that of nanoseconds does so every 4.3 s.
+#: A header is so near to its points.
+_ROUNDS_NS = (3_600_000_000_000, 86_400_000_000_000, 604_800_000_000_000)
+_LEAST_ROUND_NS, _AT_HEADER_NS = 3_000_000_000, 1_000_000_000
+
 
 def _relative_ns(points: StructArray, timing: PointTiming, header_ns: int, out_ns: FloatArray) -> int:
     """Fills out_ns (N,) with times from a base, exact to the field's own resolution; that base as integer ns."""
@@ -133,7 +138,22 @@ def select_points(cloud: RawCloud, timing: PointTiming, range_min_m: float, rang
     pack_points(
         columns.x, columns.y, columns.z, columns.intensity, columns.ring, columns.times_ns, first_ns, keep, *words
     )
-    return Selection(keep, out, base_ns + timing.shift_ns + int(first_ns), counts)
+    stamp_ns = unwound_ns(base_ns + timing.shift_ns + int(first_ns), cloud.header_ns, timing)
+    return Selection(keep, out, stamp_ns, counts)
+
+
+def unwound_ns(stamp_ns: int, header_ns: int, timing: PointTiming) -> int:
+    """A scan's time where its points' clock, which one constant has brought into the headers' epoch, has begun anew meanwhile:
+    as counters of 32 bits do, and those of an hour, a day, a GPS week.
+    """
+    if timing.reference != "absolute" or not timing.shift_ns or abs(stamp_ns - header_ns) < _LEAST_ROUND_NS:
+        return stamp_ns
+    away_ns = stamp_ns - header_ns
+    for round_ns in ((1 << 32) * int(timing.ns_per_unit), *_ROUNDS_NS):
+        rounds = round(away_ns / round_ns)
+        if rounds and abs(away_ns - rounds * round_ns) < _AT_HEADER_NS:
+            return stamp_ns - rounds * round_ns
+    return stamp_ns
 
 
 def make_scan(
