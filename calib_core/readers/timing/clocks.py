@@ -87,6 +87,9 @@ def stamp_end_suspicion(
     lag_s = float(np.median(lidar_lag_ns) - np.median(imu_lag_ns)) * 1e-9
     if np.median(np.abs(lidar_lag_ns)) < 1e5:
         return None  # a rewritten recording whose receive times are copies of the headers
+    lags = (lidar_lag_ns, imu_lag_ns)
+    if any(np.median(np.abs(lag_ns - np.median(lag_ns))) > period_s * NS_PER_S for lag_ns in lags):
+        return None  # one whose receive times go another way than its headers: none that somebody received by
     # Nearer to no delay than to a sweep's: in between, two clocks that differ by as much are as likely.
     if lag_s > 0.5 * last_point_s or abs(lag_s) > 2 * period_s:
         return None

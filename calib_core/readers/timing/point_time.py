@@ -42,6 +42,8 @@ _OTHER_NAMES = frozenset(
 _MIN_ORDER = 0.6
 _RATIO_GOOD = (0.5, 1.15)
 _RATIO_POSSIBLE = (0.05, 1.4)
+#: Of a field that no name says to be a time: a running number, or a bearing, fits some unit at a tenth of a sweep as well.
+_LEAST_UNNAMED = 0.8
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,8 +132,8 @@ def _sample_field(clouds: Sequence[RawCloud], returns: Sequence[IntArray], name:
     return _FieldSample(name, q01, q99, int(forward.sum()) / int(steps.sum()) if steps.any() else 0.0, named)
 
 
-def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit]) -> list[_Hypothesis]:
-    """One per unit whose spread is possible; best first."""
+def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit], *, asked: bool) -> list[_Hypothesis]:
+    """One per unit whose spread is possible; best first. asked: somebody has named the field."""
     good = np.isfinite(sample.q01)
     if np.count_nonzero(good) == 0:
         return []
@@ -141,7 +143,8 @@ def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit]) ->
     found = []
     for unit in units:
         ratio = span * NS_PER_UNIT[unit] * 1e-9 / period_s
-        if not _RATIO_POSSIBLE[0] <= ratio <= _RATIO_POSSIBLE[1]:
+        least = _RATIO_POSSIBLE[0] if sample.named or asked else _LEAST_UNNAMED
+        if not least <= ratio <= _RATIO_POSSIBLE[1]:
             continue
         inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1]
         fit = 1.0 if inside else 0.4
@@ -195,7 +198,7 @@ def detect_point_time(
         h
         for sample in samples
         if forced or sample.order >= _MIN_ORDER or (sample.named and sample.order > 0)
-        for h in _hypotheses(sample, period_s, units)
+        for h in _hypotheses(sample, period_s, units, asked=forced)
     ]
     found.sort(key=lambda h: -h.score)
     if not found:
@@ -252,7 +255,7 @@ def _timing(
     edges = sweep_edges(clouds, values, scale, (low, high), period_s=period_s, absolute=absolute)
     shift_ns, extra = reference_shift(edges, settings.point_time_reference, own_clock=settings.stamps == "header")
     timing = PointTiming(best.sample.name, best.unit, "absolute" if absolute else reference, *edges.window_ns, shift_ns)
-    begin_ns, end_ns = edges.after_header_ns()
+    begin_ns, end_ns = (time_ns + shift_ns for time_ns in edges.after_header_ns())
     confidence = max(0.0, min(1.0, best.score - 0.5 * runner_up * (found[-1] is not best)))
     if len(clouds) < 49:
         confidence = min(confidence, 0.5 + len(clouds) / 100)
