@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Annotated, Literal, TypeVar
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
+from calib_core.agreement import FARTHEST_S, forms_contradict, strange_transform, times_contradict
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
 from calib_core.result import CalibrationResult
@@ -46,7 +47,7 @@ class _PlanesFile(BaseModel):
 
 
 class _GuessTransform(BaseModel):
-    """Any subset of the result's four forms; the matrix comes first, then quaternion, then Euler angles."""
+    """Any subset of the result's four forms, which have to agree; of those that do the matrix is the most exact."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
     matrix: list[list[float]] | None = None
@@ -55,13 +56,18 @@ class _GuessTransform(BaseModel):
     euler_xyz_deg: list[float] | None = Field(default=None, min_length=3, max_length=3)
 
 
-class _GuessFile(BaseModel):
-    """A result document serves as it is: other keys are ignored."""
+def _as_forms(transform: object) -> object:
+    """A bare matrix is the form that has no name."""
+    return {"matrix": transform} if isinstance(transform, list) else transform
 
-    model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
-    T_imu_lidar: _GuessTransform | None = None
-    time_offset_s: float | None = None
-    time_offset_ns: int | None = None
+
+class _GuessFile(BaseModel):
+    """A result document serves as it is: other keys are kept only to find a mounting under another name among them."""
+
+    model_config = ConfigDict(extra="allow", allow_inf_nan=False)
+    T_imu_lidar: Annotated[_GuessTransform | None, BeforeValidator(_as_forms)] = None
+    time_offset_s: float | None = Field(default=None, ge=-FARTHEST_S, le=FARTHEST_S)
+    time_offset_ns: int | None = Field(default=None, ge=-round(FARTHEST_S * 1e9), le=round(FARTHEST_S * 1e9))
 
 
 def read_result(path: Path) -> CalibrationResult:
@@ -89,11 +95,14 @@ def read_initial_guess(path: Path) -> InitialGuess:
     """The start values in `path`: any subset of a result's `T_imu_lidar` and `time_offset_s`."""
     expected = "an initial guess (any of T_imu_lidar and time_offset_s, as in a result)"
     guess = _read(path, _GuessFile, expected)
+    wrong = strange_transform(guess.model_extra or ()) or times_contradict(guess.time_offset_s, guess.time_offset_ns)
+    if wrong is not None:
+        raise SettingsError(f"Expected {expected} in {path}, but {wrong}; correct the file.")
     offset_ns = guess.time_offset_ns
     if offset_ns is None and guess.time_offset_s is not None:
         offset_ns = round(guess.time_offset_s * 1e9)
     transform = guess.T_imu_lidar or _GuessTransform()
-    rotation, translation = _rotation(transform, str(path)), _translation(transform, str(path))
+    rotation, translation = _pose(transform, str(path))
     if rotation is None and translation is None and offset_ns is None:
         raise SettingsError(f"Expected {expected} in {path}, but it holds neither; add one, or leave the file out.")
     return InitialGuess(R_imu_lidar=rotation, p_imu_lidar=translation, time_offset_ns=offset_ns)
@@ -104,17 +113,21 @@ def initial_guess(matrix: list[list[float]] | None, time_offset_s: float | None,
 
     matrix: T_imu_lidar, 4 rows of 4, metres.   where: what to call the place in a sentence.   Raises SettingsError.
     """
-    transform = _GuessTransform(matrix=matrix)
+    if time_offset_s is not None and not abs(time_offset_s) <= FARTHEST_S:
+        raise SettingsError(
+            f"Expected a time offset of at most {FARTHEST_S:.0e} s in {where}, but found {time_offset_s:.3g} s; correct it."
+        )
+    rotation, translation = _pose(_GuessTransform(matrix=matrix), where)
     return InitialGuess(
-        R_imu_lidar=_rotation(transform, where),
-        p_imu_lidar=_translation(transform, where),
+        R_imu_lidar=rotation,
+        p_imu_lidar=translation,
         time_offset_ns=None if time_offset_s is None else round(time_offset_s * 1e9),
     )
 
 
 def _read(path: Path, model: type[_Model], expected: str) -> _Model:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")  # some editors begin a file with a mark that is none of JSON's
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
         raise SettingsError(
@@ -164,31 +177,43 @@ def _outline(plane: Plane, corners_m: list[list[float]], path: Path) -> FloatArr
     return corners
 
 
-def _rotation(transform: _GuessTransform, where: str) -> FloatArray | None:
+def _pose(transform: _GuessTransform, where: str) -> tuple[FloatArray | None, FloatArray | None]:
+    """The rotation (3, 3) and the translation (3,), each None where it has no form; refused where two forms differ."""
+    turns, places = _turns(transform, where), _places(transform, where)
+    wrong = forms_contradict(turns, places)
+    if wrong is not None:
+        raise SettingsError(f"Expected one mounting in {where}, but {wrong}; correct it.")
+    return next(iter(turns.values()), None), next(iter(places.values()), None)
+
+
+def _turns(transform: _GuessTransform, where: str) -> dict[str, FloatArray]:
+    """The rotation in each form that is there, the most exact first."""
     from scipy.spatial.transform import Rotation
 
+    turns: dict[str, FloatArray] = {}
     if transform.matrix is not None:
-        return _rotation_of(_matrix(transform.matrix, where)[:3, :3], where)
+        turns["matrix"] = _rotation_of(_matrix(transform.matrix, where)[:3, :3], where)
     if transform.quaternion_xyzw is not None:
         quat_xyzw = np.array(transform.quaternion_xyzw)
         if not abs(float(np.linalg.norm(quat_xyzw)) - 1.0) < ROTATION_TOLERANCE:
             raise SettingsError(
                 f"Expected a unit quaternion in {where}, but found {transform.quaternion_xyzw}; correct it."
             )
-        return np.asarray(Rotation.from_quat(quat_xyzw).as_matrix(), dtype=np.float64)
+        turns["quaternion_xyzw"] = np.asarray(Rotation.from_quat(quat_xyzw).as_matrix(), dtype=np.float64)
     if transform.euler_xyz_deg is not None:
-        return np.asarray(
-            Rotation.from_euler("xyz", transform.euler_xyz_deg, degrees=True).as_matrix(), dtype=np.float64
-        )
-    return None
+        turned = Rotation.from_euler("xyz", transform.euler_xyz_deg, degrees=True)
+        turns["euler_xyz_deg"] = np.asarray(turned.as_matrix(), dtype=np.float64)
+    return turns
 
 
-def _translation(transform: _GuessTransform, where: str) -> FloatArray | None:
+def _places(transform: _GuessTransform, where: str) -> dict[str, FloatArray]:
+    """The translation in each form that is there."""
+    places: dict[str, FloatArray] = {}
     if transform.matrix is not None:
-        return _matrix(transform.matrix, where)[:3, 3].copy()
+        places["matrix"] = _matrix(transform.matrix, where)[:3, 3].copy()
     if transform.translation_m is not None:
-        return np.array(transform.translation_m, dtype=np.float64)
-    return None
+        places["translation_m"] = np.array(transform.translation_m, dtype=np.float64)
+    return places
 
 
 def _matrix(rows: list[list[float]], where: str) -> FloatArray:

@@ -2,7 +2,8 @@
 
     a result, an initial guess, {"T_imu_lidar": ...}    our own JSON; the time offset in its own sign
     URDF                                                fixed joints from the IMU's link to the lidar's
-    FAST-LIO, Point-LIO, FAST-LIVO2                     extrinsic_T, extrinsic_R: T_imu_lidar; tau subtracted from IMU stamps
+    FAST-LIO, Point-LIO, FAST-LIVO2                     extrinsic_T, extrinsic_R: T_imu_lidar; tau subtracted from IMU stamps,
+                                                        and in FAST-LIVO2 also added to the lidar's
     LIO-SAM                                             extrinsicTrans, extrinsicRot: T_lidar_imu
     16 or 12 numbers                                    a matrix by rows, its last row 0 0 0 1 or left out
     7 or 8 numbers                                      [time] x y z, then the quaternion x y z w
@@ -21,6 +22,7 @@ from typing import Literal
 
 import numpy as np
 
+from calib_core.agreement import FARTHEST_S, forms_contradict, strange_transform, times_contradict
 from calib_core.audit.pose import FORMS, GivenExtrinsic, inverse, transform_of, unfit
 from calib_core.errors import InputError
 from calib_core.geometry import ROTATION_TOLERANCE
@@ -51,6 +53,7 @@ def parse_extrinsic(
     text: str, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
 ) -> GivenExtrinsic:
     """The extrinsic in a text. Raises InputError with one sentence where it is none."""
+    text = text.removeprefix("\ufeff")  # the mark with which some editors begin a file
     document = _json_of(text)
     if isinstance(document, dict):
         return _from_document(document)
@@ -74,33 +77,68 @@ def _json_of(text: str) -> object:
 
 
 def _from_document(document: dict[str, object]) -> GivenExtrinsic:
-    transform, offset_s, offset_ns = (document.get(key) for key in ("T_imu_lidar", "time_offset_s", "time_offset_ns"))
+    wrong = strange_transform(document)
+    if wrong is not None:
+        raise unfit(wrong)
+    matrix = _transform_of_document(document.get("T_imu_lidar"))
+    return GivenExtrinsic(matrix, _offset_ns_of(document), "JSON of unsweep, T_imu_lidar", _covariance_of(document))
+
+
+def _offset_ns_of(document: dict[str, object]) -> int | None:
+    """The time offset; whole nanoseconds are exact across clock epochs where seconds are not."""
+    offset_s, offset_ns = document.get("time_offset_s"), document.get("time_offset_ns")
     seconds = None if offset_s is None else _number(offset_s)
     if offset_s is not None and seconds is None:
         raise unfit("its time_offset_s is no number")
-    if isinstance(offset_ns, bool) or not isinstance(offset_ns, int):
-        offset_ns = None if seconds is None else round(seconds * 1e9)
-    matrix = _transform_of_document(transform)
-    return GivenExtrinsic(matrix, offset_ns, "JSON of unsweep, T_imu_lidar", _covariance_of(document))
+    if offset_ns is not None and (isinstance(offset_ns, bool) or not isinstance(offset_ns, int)):
+        raise unfit("its time_offset_ns is no whole number")
+    if abs(seconds or 0.0) > FARTHEST_S or abs(offset_ns or 0) > FARTHEST_S * 1e9:
+        raise unfit(f"its time offset is beyond {FARTHEST_S:.0e} s")
+    wrong = times_contradict(seconds, offset_ns)
+    if wrong is not None:
+        raise unfit(wrong)
+    return round(seconds * 1e9) if offset_ns is None and seconds is not None else offset_ns
 
 
 def _transform_of_document(transform: object) -> FloatArray:
-    from scipy.spatial.transform import Rotation
-
     if isinstance(transform, list):
         return _matrix_of(_flat(transform))
     if not isinstance(transform, dict):
         raise unfit("this JSON has no T_imu_lidar")
-    if isinstance(transform.get("matrix"), list):
-        return _matrix_of(_flat(transform["matrix"]))
-    position, quaternion = transform.get("translation_m"), transform.get("quaternion_xyzw")
-    euler_deg = transform.get("euler_xyz_deg")
-    if isinstance(position, list) and isinstance(quaternion, list):
-        return _matrix_of([*_flat(position), *_flat(quaternion)])
-    if isinstance(position, list) and isinstance(euler_deg, list) and len(_flat(euler_deg)) == 3:
-        turned = Rotation.from_euler("xyz", _flat(euler_deg), degrees=True).as_quat()
-        return _matrix_of([*_flat(position), *(float(part) for part in turned)])
-    raise unfit("its T_imu_lidar has neither a matrix nor a translation_m with a rotation")
+    turns, places = _forms_of(transform)
+    wrong = forms_contradict(turns, places)
+    if wrong is not None:
+        raise unfit(wrong)
+    if not turns or not places:
+        raise unfit("its T_imu_lidar has neither a matrix nor a translation_m with a rotation")
+    return transform_of(next(iter(turns.values())), next(iter(places.values())))
+
+
+def _forms_of(transform: dict[str, object]) -> tuple[dict[str, FloatArray], dict[str, FloatArray]]:
+    """The rotation (3, 3) and the translation (3,) in each form that is there, the most exact first."""
+    from scipy.spatial.transform import Rotation
+
+    turns: dict[str, FloatArray] = {}
+    places: dict[str, FloatArray] = {}
+    if matrix := _listed(transform, "matrix"):
+        whole = _matrix_of(matrix)
+        turns["matrix"], places["matrix"] = whole[:3, :3], whole[:3, 3]
+    if quat_xyzw := _listed(transform, "quaternion_xyzw", 4):
+        turns["quaternion_xyzw"] = _matrix_of([0.0, 0.0, 0.0, *quat_xyzw])[:3, :3]
+    if euler_deg := _listed(transform, "euler_xyz_deg", 3):
+        turns["euler_xyz_deg"] = np.asarray(Rotation.from_euler("xyz", euler_deg, degrees=True).as_matrix())
+    if position := _listed(transform, "translation_m", 3):
+        places["translation_m"] = np.array(position, dtype=np.float64)
+    return turns, places
+
+
+def _listed(transform: dict[str, object], key: str, count: int | None = None) -> list[float]:
+    """The numbers under a key, none where it is not there.   count: how many there have to be."""
+    listed = transform.get(key)
+    numbers = _flat(listed) if isinstance(listed, list) else []
+    if numbers and count is not None and len(numbers) != count:
+        raise unfit(f"{key} of its T_imu_lidar is not a list of {count} numbers")
+    return numbers
 
 
 def _covariance_of(document: dict[str, object]) -> FloatArray | None:
@@ -126,9 +164,12 @@ def _flat(rows: list[object]) -> list[float]:
 
 def _number(value: object) -> float | None:
     """A finite number, or None."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value)
+    try:
+        return float(value) if math.isfinite(value) else None
+    except OverflowError:  # JSON's whole numbers have no end
+        return None
 
 
 def _numbers_of(text: str) -> list[float]:

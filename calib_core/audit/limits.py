@@ -39,7 +39,7 @@ def read_limits(path: Path) -> Limits:
     """The limits in a JSON file."""
     expected = "limits (any of rotation_deg, translation_mm, time_offset_ms, each a number, three numbers, or null)"
     try:
-        return Limits.model_validate_json(path.read_text(encoding="utf-8"))
+        return Limits.model_validate_json(path.read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
         raise SettingsError(

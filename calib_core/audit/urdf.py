@@ -10,6 +10,7 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
+from calib_core.agreement import poses_apart
 from calib_core.audit.pose import GivenExtrinsic, inverse, transform_of, unfit
 from calib_core.types import FloatArray
 
@@ -61,11 +62,20 @@ def _steps(text: str) -> dict[tuple[str, str], FloatArray]:
     except ET.ParseError as error:
         raise unfit(f"this XML cannot be read ({error})") from error
     steps: dict[tuple[str, str], FloatArray] = {}
+    names: dict[tuple[str, str], str] = {}
     for joint in root.iter("joint"):
         parent, child, origin = joint.find("parent"), joint.find("child"), joint.find("origin")
         if joint.get("type") == "fixed" and parent is not None and child is not None:
             pair = (parent.get("link", ""), child.get("link", ""))
-            steps[pair] = np.eye(4) if origin is None else _pose(origin)
+            pose, name = np.eye(4) if origin is None else _pose(origin), joint.get("name", "")
+            before = inverse(steps[pair[::-1]]) if pair[::-1] in steps else steps.get(pair, pose)
+            if poses_apart(before, pose):
+                other = names.get(pair, names.get(pair[::-1], ""))
+                raise unfit(
+                    f"the fixed joints '{other}' and '{name}' of this URDF both join {pair[0]} and {pair[1]}, by different "
+                    "origins, of which one has to be left out"
+                )
+            steps[pair], names[pair] = pose, name
     if not steps:
         raise unfit("this XML has no fixed joint")
     return steps

@@ -35,7 +35,8 @@ MAY_IMPORT = {
     "planes": {"geometry"},
     "factors": {"imu", "geometry", "threads"},
     "solver": {"geometry", "threads"},
-    "documents": {"geometry"},
+    "agreement": {"geometry"},
+    "documents": {"geometry", "agreement"},
     "maps": {"geometry", "deskew", "threads"},
     "readers": {"maps", "threads"},
     "exporters": {"geometry"},
@@ -48,7 +49,7 @@ MAY_IMPORT = {
     "asked": {"full", "planes"},
     "calibrate": {"asked", "full", "paper", "document", "maps", "solver", "threads"},
     "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors", "threads"},
-    "audit": {"geometry", "maps", "full", "calibrate"},
+    "audit": {"agreement", "geometry", "maps", "full", "calibrate"},
     "api": {"audit", "readers", "full", "calibrate", "deskew", "exporters", "simulate", "documents", "doctor", "maps"},
 }
 

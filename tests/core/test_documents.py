@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.documents import read_imu_noise, read_initial_guess, read_planes, read_result
+from calib_core.audit.limits import read_limits
+from calib_core.documents import initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from calib_core.errors import SettingsError
 from tests.core.exporters.results import make_result
 
@@ -31,10 +32,12 @@ def written(folder: Path, document: object) -> Path:
         },
         {"quaternion_xyzw": ROTATION.as_quat().tolist(), "translation_m": [1, 2, 3]},
         {"euler_xyz_deg": [2.9, -1.11, 179.9], "translation_m": [1, 2, 3]},
+        [[*row, p] for row, p in zip(ROTATION.as_matrix().tolist(), [1, 2, 3], strict=True)] + [[0, 0, 0, 1]],
     ],
 )
-def test_guess_in_any_form(tmp_path: Path, transform: dict[str, object]) -> None:
-    """The result's own forms, against SciPy. Fails if the angles' order or the quaternion's is turned."""
+def test_guess_in_any_form(tmp_path: Path, transform: object) -> None:
+    """The result's own forms and a bare matrix, against SciPy. Fails if the angles' order or the quaternion's is turned, or
+    a matrix needs a name."""
     guess = read_initial_guess(written(tmp_path, {"T_imu_lidar": transform, "time_offset_s": -0.0127}))
     assert guess.R_imu_lidar is not None
     assert guess.p_imu_lidar is not None
@@ -76,6 +79,69 @@ def test_unfit_guess_is_one_sentence(tmp_path: Path, document: object) -> None:
     """
     with pytest.raises(SettingsError, match=r"file\.json"):
         read_initial_guess(written(tmp_path, document))
+
+
+TURNED = (ROTATION * Rotation.from_rotvec([0, 0, 5e-6])).as_quat().tolist()
+
+
+@pytest.mark.parametrize(
+    ("changed", "reason"),
+    [
+        ({"translation_m": [1, 2, 3.000002]}, "matrix and translation_m .* different translations"),
+        ({"quaternion_xyzw": TURNED}, "matrix and quaternion_xyzw .* different rotations"),
+        ({"euler_xyz_deg": [2.9, -1.11, 179.901]}, "matrix and euler_xyz_deg .* different rotations"),
+        ({"matrix": None, "quaternion_xyzw": TURNED}, "quaternion_xyzw and euler_xyz_deg"),
+    ],
+)
+def test_a_guess_whose_forms_differ_is_refused(tmp_path: Path, changed: dict[str, object], reason: str) -> None:
+    """An edited result: whoever edits one of two forms means that one. Mutation: the first form there is taken."""
+    document = json.loads(make_result(ROTATION.as_matrix(), np.array([1.0, 2, 3]), 5).to_json())
+    assert read_initial_guess(written(tmp_path, document)).time_offset_ns == 5
+    document["T_imu_lidar"] |= changed
+    with pytest.raises(SettingsError, match=rf"file\.json.* {reason}.* left out; correct it\.$"):
+        read_initial_guess(written(tmp_path, document))
+
+
+@pytest.mark.parametrize(
+    ("document", "reason"),
+    [
+        ({"time_offset_s": 0.005, "time_offset_ns": 4_998_999}, "of 0.005 s and its time_offset_ns of 4998999 ns"),
+        ({"time_offset_s": 1e300}, "time_offset_s: .* 9000000000"),
+        ({"time_offset_ns": -(10**19)}, "time_offset_ns: .* -9000000000000000000"),
+        ({"T_lidar_imu": np.eye(4).tolist(), "time_offset_s": 0.1}, "T_imu_lidar, .*T_lidar_imu is its inverse"),
+        ({"translation_m": [0, 0, 1], "time_offset_s": 0.1}, "key translation_m"),
+        ({"extrinsic_T": [0, 0, 1], "time_offset_s": 0.1}, "key extrinsic_T"),
+    ],
+)
+def test_a_guess_of_which_part_would_be_passed_over_is_refused(tmp_path: Path, document: object, reason: str) -> None:
+    """Mutations: the nanoseconds taken before the seconds; no bound on either (an OverflowError); other keys ignored."""
+    with pytest.raises(SettingsError, match=reason) as caught:
+        read_initial_guess(written(tmp_path, document))
+    assert "\n" not in str(caught.value)
+
+
+def test_rounded_times_of_a_guess_agree_and_far_ones_of_a_page_do_not_overflow(tmp_path: Path) -> None:
+    """Mutations: seconds held to a nanosecond; the page's guess without the file's bound."""
+    guess = read_initial_guess(written(tmp_path, {"time_offset_s": 0.005, "time_offset_ns": 4_999_500}))
+    assert guess.time_offset_ns == 4_999_500
+    with pytest.raises(SettingsError, match="at most 9e"):
+        initial_guess(None, 1e300, where="the page")
+
+
+def test_a_mark_at_the_beginning_of_a_file_is_no_part_of_it(tmp_path: Path) -> None:
+    """Windows editors write one. Mutations: the documents, or the limits, read as they stand ('Invalid JSON')."""
+    path = tmp_path / "marked.json"
+
+    def marked(document: object) -> Path:
+        path.write_text(json.dumps(document), encoding="utf-8-sig")
+        return path
+
+    assert read_initial_guess(marked({"time_offset_s": 0.1})).time_offset_ns == 100_000_000
+    floor = {"name": "floor", "normal": [0, 0, 1], "offset_m": 1}
+    assert len(read_planes(marked({"schema": "unsweep.planes/1", "planes": [floor]}))) == 1
+    noise = {"gyroscope_noise_density_rad_s_sqrt_hz": 1e-4, "accelerometer_noise_density_m_s2_sqrt_hz": 1e-3}
+    assert read_imu_noise(marked(noise)).range_std_m is None
+    assert read_limits(marked({"rotation_deg": 2.0})).rotation_deg == 2.0
 
 
 def test_planes_are_unit_and_keep_their_place(tmp_path: Path) -> None:

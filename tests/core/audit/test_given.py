@@ -125,6 +125,147 @@ def test_what_is_no_extrinsic_is_one_sentence(text: str, reason: str) -> None:
     assert "\n" not in str(caught.value)
 
 
+TURN = "1, 0, 0, 0, 1, 0, 0, 0, 1"
+
+
+def livo(times: str, above: str = "") -> str:
+    return f"{above}time_offset:\n  {times}\nextrin_calib:\n  extrinsic_T: [0.1, 0, 0]\n  extrinsic_R: [{TURN}]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "offset_ns"),
+    [
+        (livo("imu_time_offset: 0.02"), -20_000_000),
+        (livo("imu_time_offset: 0.0\n  lidar_time_offset: 0.03"), -30_000_000),
+        (livo("lidar_time_offset: -0.1"), 100_000_000),
+        (livo("imu_time_offset: 0.02\n  lidar_time_offset: 0.03"), -50_000_000),
+        (livo("imu_time_offset: 0.02\n  lidar_time_offset: 0.03", "preprocess:\n  lidar_type: 2\n"), -50_000_000),
+        (livo("imu_time_offset: 0.02\n  lidar_time_offset: 0.03", "preprocess:\n  lidar_type: 1\n"), -20_000_000),
+    ],
+)
+def test_fast_livo2_shifts_either_sensor_s_stamps(text: str, offset_ns: int) -> None:
+    """t_imu - imu_time_offset = t_lidar + lidar_time_offset, the latter of PointCloud2 alone (its LIVMapper.cpp). Mutations:
+    lidar_time_offset not read; its sign turned; counted for Livox's own messages too."""
+    assert parse_extrinsic(text).time_offset_ns == offset_ns
+
+
+def test_names_with_dots_are_ros_2_s() -> None:
+    """As of `ros2 param dump` of one node, flattened. Mutation: names split at slashes alone."""
+    given = parse_extrinsic(
+        f"/**:\n  ros__parameters:\n    mapping.extrinsic_T: [0.1, 0.2, 0.3]\n    mapping.extrinsic_R: [{TURN}]\n"
+        "    common.time_offset_lidar_to_imu: 0.5\n"
+    )
+    np.testing.assert_array_equal(given.T_imu_lidar[:3, 3], [0.1, 0.2, 0.3])
+    assert given.time_offset_ns == -500_000_000
+
+
+def urdf_of(*joints: tuple[str, str, str, str]) -> str:
+    parts = [
+        f'<joint name="{name}" type="fixed"><parent link="{parent}"/><child link="{child}"/><origin xyz="{xyz}"/></joint>'
+        for name, parent, child, xyz in joints
+    ]
+    return f"<robot>{''.join(parts)}</robot>"
+
+
+FAST = f"mapping:\n  extrinsic_T: [0.1, 0, 0]\n  extrinsic_R: [{TURN}]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        (
+            FAST + f"old:\n  extrinsic_T: [0.2, 0, 0]\n  extrinsic_R: [{TURN}]\n",
+            "mapping.extrinsic_T and old.extrinsic_T",
+        ),
+        (FAST + "old:\n  extrinsic_R: [0, -1, 0, 1, 0, 0, 0, 0, 1]\n", "mapping.extrinsic_R and old.extrinsic_R"),
+        (FAST + "mapping:\n  extrinsic_T: [0.2, 0, 0]\n", 'duplicate key "mapping".*, line 4'),
+        (FAST + f"extrinsicTrans: [0.1, 0, 0]\nextrinsicRot: [{TURN}]\n", "extrinsic_T and LIO-SAM's extrinsicTrans"),
+        (
+            FAST + "time_offset_lidar_to_imu: 0.1\ntime:\n  imu_time_offset: 0.2",
+            "time_offset_lidar_to_imu and time.imu_time_offset",
+        ),
+        (
+            FAST + "lidar_time_offset: 0.1\ntime:\n  lidar_time_offset: 0.2",
+            "lidar_time_offset and time.lidar_time_offset",
+        ),
+        (urdf_of(("a", "imu", "lidar", "1 0 0"), ("b", "imu", "lidar", "2 0 0")), "'a' and 'b' .* imu and lidar"),
+        (urdf_of(("a", "imu", "lidar", "1 0 0"), ("b", "lidar", "imu", "1 0 0")), "'a' and 'b' .* lidar and imu"),
+    ],
+)
+def test_what_a_file_says_twice_and_differently_is_refused(text: str, names: str) -> None:
+    """Mutations: the last of several sections, of two families of keys, or of two joints taken; joints of the same links
+    compared in one direction alone."""
+    with pytest.raises(InputError, match=names) as caught:
+        parse_extrinsic(text)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        FAST + "old:\n  " + FAST.replace("\n", "\n  "),
+        FAST + f"extrinsicTrans: [-0.1, 0, 0]\nextrinsicRot: [{TURN}]\n",
+        urdf_of(("a", "imu", "lidar", "0.1 0 0"), ("b", "imu", "lidar", "0.1 0 0"), ("c", "lidar", "imu", "-0.1 0 0")),
+    ],
+)
+def test_what_a_file_says_twice_alike_is_no_contradiction(text: str) -> None:
+    """Mutations: LIO-SAM's keys held against FAST-LIO's without being turned round; anything that stands twice refused."""
+    np.testing.assert_allclose(parse_extrinsic(text).T_imu_lidar[:3, 3], [0.1, 0, 0], atol=1e-12)
+
+
+def edited(**transform: object) -> str:
+    document = json.loads(make_result(R, P, OFFSET_NS).to_json())
+    document["T_imu_lidar"] |= transform
+    return json.dumps(document)
+
+
+QUAT = Rotation.from_matrix(R).as_quat()
+TURNED = (Rotation.from_matrix(R) * Rotation.from_rotvec([5e-6, 0, 0])).as_quat().tolist()
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        (edited(translation_m=[0.31, -0.12, 0.084002]), "matrix and translation_m .* different translations"),
+        (edited(quaternion_xyzw=TURNED), "matrix and quaternion_xyzw .* different rotations"),
+        (edited(euler_xyz_deg=[12.0, -20.0, 130.001]), "matrix and euler_xyz_deg .* different rotations"),
+        (edited(matrix=None, euler_xyz_deg=[12.0, -20.0, 131.0]), "quaternion_xyzw and euler_xyz_deg"),
+        (edited(translation_m=[0.31, -0.12]), "translation_m .* list of 3"),
+        (
+            json.dumps({"T_imu_lidar": T.tolist(), "time_offset_s": 0.005, "time_offset_ns": 4_000_000}),
+            "time_offset_s of 0.005 s and its time_offset_ns of 4000000 ns",
+        ),
+        (json.dumps({"T_imu_lidar": T.tolist(), "time_offset_ns": 4.5}), "no whole number"),
+        (json.dumps({"T_imu_lidar": T.tolist(), "time_offset_s": 1e300}), "beyond 9e\\+09 s"),
+        (json.dumps({"T_imu_lidar": T.tolist(), "time_offset_s": 10**400}), "no number"),
+        (json.dumps({"T_imu_lidar": T.tolist(), "T_lidar_imu": T.tolist()}), "T_lidar_imu is its inverse"),
+        (FAST + "imu_time_offset: 1.0e300", "imu_time_offset is no number of seconds"),
+    ],
+)
+def test_a_document_whose_forms_differ_is_refused(text: str, reason: str) -> None:
+    """Whoever edits one of two forms means that one. Mutations: the matrix, the quaternion, or the nanoseconds taken before
+    the others, as it was; the bound on times left out (an OverflowError); another mounting beside T_imu_lidar passed over."""
+    with pytest.raises(InputError, match=reason) as caught:
+        parse_extrinsic(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_rounded_forms_agree() -> None:
+    """Six decimals of every form. Mutation: forms compared to 1e-7."""
+    rounded = edited(translation_m=np.round(P, 6).tolist(), quaternion_xyzw=np.round(QUAT, 6).tolist())
+    np.testing.assert_allclose(parse_extrinsic(rounded).T_imu_lidar, T, atol=1e-9)
+    times = {"T_imu_lidar": T.tolist(), "time_offset_s": 0.004001, "time_offset_ns": 4_000_600}
+    assert parse_extrinsic(json.dumps(times)).time_offset_ns == 4_000_600
+
+
+@pytest.mark.parametrize("text", [edited(), FAST, urdf_of(("a", "imu", "lidar", "1 0 0")), "0 0 0 0 0 0 1"])
+def test_a_mark_at_the_beginning_of_a_file_is_no_part_of_it(tmp_path: Path, text: str) -> None:
+    """Windows editors write one. Mutation: read as it stands ('is no number')."""
+    path = tmp_path / "extrinsic"
+    path.write_text(text, encoding="utf-8-sig")
+    assert api.read_extrinsic(path).form == parse_extrinsic(text).form
+
+
 def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     """Mutation: the OSError let through."""
     (tmp_path / "b").write_bytes(b"\xff\xfe\x00")

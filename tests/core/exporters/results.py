@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from calib_core.geometry import euler_xyz_deg
 from calib_core.result import (
     CalibrationResult,
     Message,
@@ -39,7 +40,7 @@ def make_result(
         matrix=T.tolist(),
         translation_m=p.tolist(),
         quaternion_xyzw=rotation.as_quat().tolist(),
-        euler_xyz_deg=[0.0, 0.0, 0.0],  # no exporter reads them
+        euler_xyz_deg=euler_xyz_deg(R),
     )
     uncertainty = Uncertainty(
         rotation_std_deg=[0.004, 0.005, 0.006],
