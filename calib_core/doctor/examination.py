@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from calib_core.doctor.sampling import SampledScans
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
-from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.readers.clouds.cloud import RawCloud, points_mark
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import Layout, recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
@@ -26,7 +26,8 @@ from calib_core.readers.one_clock import longest_stretch, order_findings
 from calib_core.readers.rays import where_rays_meet
 from calib_core.readers.reading import sample_clouds
 from calib_core.readers.rows import by_rows
-from calib_core.readers.scans import ScanCounts, make_scan
+from calib_core.readers.scans import OrderCounts, ScanCounts, make_scan, once_a_stamp
+from calib_core.readers.senders import Sender, require_one_lidar, sender_of, usual_frame
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming, scan_period_s
 from calib_core.readers.timing.stamps import plausible_stamps
@@ -64,6 +65,8 @@ class Examination:
     header_ns: list[int] = field(default_factory=list)
     receive_ns: list[int] = field(default_factory=list)
     positions: list[int] = field(default_factory=list)
+    marks: list[int] = field(default_factory=list)
+    senders: list[Sender] = field(default_factory=list)
     gathering: Gathering | None = None
     examined: list[tuple[Scan | None, ScanCounts]] = field(default_factory=list)
     raw_imu: RawImu | None = None
@@ -100,7 +103,7 @@ def detect(
         state.problems.append(error)
         state.lidar_topic = None
         return
-    state.first = sample[0]
+    state.first = replace(sample[0], frame_id=usual_frame(sample))
     state.layout = recognise_layout(sample[0], state.lidar_topic.name)
     state.period_s = scan_period_s(sample)
     state.parts = parts_of_a_scan(state.period_s, sample)
@@ -154,6 +157,7 @@ def read(
         elif state.decoder is not None:
             taking.decode(message, state.decoder)
     taking.finish()
+    _require_one_lidar(state)
     if state.gathering is not None and (rest := state.gathering.rest()) is not None:
         state.sampled.add(rest)
     if imu is not None:
@@ -164,6 +168,16 @@ def read(
             state.findings.extend(state.cleaned.findings)
         except InputError as error:
             state.problems.append(error)
+
+
+def _require_one_lidar(state: Examination) -> None:
+    """Clouds of several lidars, where the sample had not seen them, are a problem."""
+    if state.lidar_topic is None:
+        return
+    try:
+        require_one_lidar(state.senders, state.lidar_topic.name)
+    except InputError as error:
+        state.problems.append(error)
 
 
 def _keep_to_one_clock(state: Examination, recording: OpenRecording, settings: ReadSettings) -> None:
@@ -179,10 +193,11 @@ def _keep_to_one_clock(state: Examination, recording: OpenRecording, settings: R
         state.sampled.drop(np.array(state.positions, np.int64)[~stretch.scans])
         lidar = HeaderTimes(lidar.header_ns[stretch.scans], lidar.receive_ns[stretch.scans])
         state.positions = [at for at, stays in zip(state.positions, stretch.scans, strict=True) if stays]
+        state.marks = [mark for mark, stays in zip(state.marks, stretch.scans, strict=True) if stays]
         state.header_ns, state.receive_ns = lidar.header_ns.tolist(), lidar.receive_ns.tolist()
     n_moved = int(np.count_nonzero(lidar.header_ns < np.maximum.accumulate(lidar.header_ns)))
-    n_twice = lidar.header_ns.size - len(np.unique(lidar.header_ns))
-    state.findings.extend(order_findings(n_moved, n_twice, topics[0]))
+    _, twice, unlike = once_a_stamp(state.header_ns, state.marks)
+    state.findings.extend(order_findings(OrderCounts(n_moved, len(twice), len(unlike)), topics[0]))
     state.sampled.put_in_order()
 
 
@@ -191,7 +206,7 @@ def keep_plausible(state: Examination) -> None:
     good = plausible_stamps(np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64))
     if state.sampled is not None:
         state.sampled.drop(np.array(state.positions, np.int64)[~good])
-    for kept in (state.positions, state.header_ns, state.receive_ns):
+    for kept in (state.positions, state.marks, state.header_ns, state.receive_ns):
         kept[:] = [value for value, stays in zip(kept, good, strict=True) if stays]
 
 
@@ -290,5 +305,7 @@ class Taking:
                 # One that came to nothing makes those after it another number.
                 self.sampled.add(scan, made.thinned if made.count == self.sampled.count() else None)
         state.positions.append(begun.position)
+        state.marks.append(points_mark(begun.cloud.points))
+        state.senders.append(sender_of(begun.cloud))
         state.header_ns.append(begun.cloud.header_ns)
         state.receive_ns.append(begun.cloud.receive_ns)

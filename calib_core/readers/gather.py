@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.clouds.cloud import RawCloud, StructArray, points_mark
 from calib_core.types import BoolArray, Evidence, Finding, Scan
 
 #: The usual turn of a lidar, and the usual frame of one that does not turn: a scan is gathered to this length.
@@ -79,11 +79,13 @@ class Gathering:
     """Parts of the scan that is being gathered. lasting_ns: of a whole one.
 
     A part belongs to it if it begins within that time of the first part; one that comes late begins a scan of its own, which is
-    put in order later; one that comes twice is left out. n_twice: how many those were.
+    put in order later; one of the stamp of the one before is left out. n_twice: how many held its points.   n_unlike: how many
+    held others.
     """
 
     lasting_ns: int
     n_twice: int = 0
+    n_unlike: int = 0
     _parts: list[Scan] = field(default_factory=list)
 
     def add(self, part: Scan) -> Scan | None:
@@ -91,7 +93,10 @@ class Gathering:
         if self._parts:
             since_first_ns = part.stamp_ns - self._parts[0].stamp_ns
             if part.stamp_ns == self._parts[-1].stamp_ns:
-                self.n_twice += 1
+                if points_mark(part.points) == points_mark(self._parts[-1].points):
+                    self.n_twice += 1
+                else:
+                    self.n_unlike += 1
                 return None
             if part.stamp_ns > self._parts[-1].stamp_ns and since_first_ns < self.lasting_ns:
                 self._parts.append(part)

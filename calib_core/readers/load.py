@@ -26,6 +26,7 @@ from calib_core.readers.rays import where_rays_meet
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
 from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import StoredScans
+from calib_core.readers.senders import usual_frame
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
 from calib_core.readers.timing.synthesise import point_timing
@@ -89,9 +90,10 @@ def _load_open(
     decoder, twice = once_each(sample, decoder, timing, settings, lidar_topic.name)
     decoder, rows = by_rows(sample, decoder, lidar_topic.name)
     rays = where_rays_meet(sample, lidar_topic.name)
-    preset = find_lidar_preset(lidar_topic.name, sample[0].frame_id, layout.name)
+    frame_id = usual_frame(sample)
+    preset = find_lidar_preset(lidar_topic.name, frame_id, layout.name)
     model = "" if preset is None else preset.name
-    info = LidarInfo(lidar_topic.name, sample[0].frame_id, layout.name, model, scan_period_s(sample))
+    info = LidarInfo(lidar_topic.name, frame_id, layout.name, model, scan_period_s(sample))
     parts, cloud_s = parts_of_a_scan(info.period_s, sample), info.period_s
     scans = StoredScans.sized(lidar_topic.count * sum(cloud.points.size for cloud in sample) // len(sample))
     del sample  # tens of megabytes that the pass below does not need
@@ -128,7 +130,7 @@ def _load_open(
         lidar=info,
         duration_s=recording.duration_s,
         coarse_offset_ns=offset_ns,
-        scans_total=len(reading.header_ns) - reading.n_twice if gathering is None else len(scans),
+        scans_total=len(reading.header_ns) - reading.n_twice - reading.n_unlike if gathering is None else len(scans),
         findings=(
             *findings,
             *twice,

@@ -8,6 +8,7 @@ import numpy as np
 
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.reading import Reading
+from calib_core.readers.scans import OrderCounts
 from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
 from calib_core.readers.timing.resets import reset_finding, resets, sides
 from calib_core.readers.timing.stamps import plausible_stamps
@@ -57,15 +58,22 @@ def longest_stretch(
     return Stretch(scans, cut, (reset_finding(found, used, start_ns),))
 
 
-def order_findings(n_moved: int, n_twice: int, topic: str) -> tuple[Finding, ...]:
+def order_findings(counts: OrderCounts, topic: str) -> tuple[Finding, ...]:
     """What is said of clouds that came late, or twice."""
     found: list[Finding] = []
-    if n_twice:
-        text = f"{n_twice} clouds on {topic} bear the stamp of another; the first of each was kept."
-        found.append(Finding("points.sent_twice", "warning", text, (Evidence("clouds sent twice", n_twice),)))
-    if n_moved:
-        text = f"{n_moved} clouds on {topic} came after later ones; they were sorted by stamp."
-        found.append(Finding("points.out_of_order", "warning", text, (Evidence("clouds moved", n_moved),)))
+    if counts.twice:
+        text = f"{counts.twice} clouds on {topic} bear the stamp of another and hold its points; the first of each was kept."
+        found.append(Finding("points.sent_twice", "warning", text, (Evidence("clouds sent twice", counts.twice),)))
+    if counts.unlike:
+        text = (
+            f"{counts.unlike} clouds on {topic} bear the stamp of another and hold other points; the first of each was kept,"
+            " the others were left out."
+        )
+        evidence = (Evidence("clouds with another's stamp", counts.unlike),)
+        found.append(Finding("points.shared_stamps", "warning", text, evidence))
+    if counts.moved:
+        text = f"{counts.moved} clouds on {topic} came after later ones; they were sorted by stamp."
+        found.append(Finding("points.out_of_order", "warning", text, (Evidence("clouds moved", counts.moved),)))
     return tuple(found)
 
 
@@ -79,6 +87,9 @@ def on_one_clock(
         if not stretch.scans.all():
             reading.keep(stretch.scans)
         imu, findings = stretch.imu, stretch.findings
-    n_moved, reading.n_twice = reading.scans.put_in_order()
-    reading.n_twice += 0 if reading.gathering is None else reading.gathering.n_twice
-    return imu, (*findings, *order_findings(n_moved, reading.n_twice, topics[0]))
+    counts = reading.scans.put_in_order()
+    if reading.gathering is not None:
+        parts = reading.gathering
+        counts = OrderCounts(counts.moved, counts.twice + parts.n_twice, counts.unlike + parts.n_unlike)
+    reading.n_twice, reading.n_unlike = counts.twice, counts.unlike
+    return imu, (*findings, *order_findings(counts, topics[0]))

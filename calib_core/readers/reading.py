@@ -24,6 +24,7 @@ from calib_core.readers.gather import Gathering
 from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.point_unit import require_metres
 from calib_core.readers.scans import ScanCounts, StoredScans, Written, make_scan
+from calib_core.readers.senders import Sender, require_one_lidar, sender_of
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.stamps import plausible_stamps
@@ -47,6 +48,7 @@ class _Decoded(NamedTuple):
 
     header_ns: int
     receive_ns: int
+    sender: Sender
     scan: Scan | None
     counts: ScanCounts
     written: Written | None = None
@@ -71,9 +73,11 @@ def sample_clouds(
 ) -> list[RawCloud]:
     """The first SAMPLED_SCANS clouds of the span.
 
-    Raises UnreadableRecording where not one can be decoded, InputError where they have no coordinates, or not in metres.
+    Raises UnreadableRecording where not one can be decoded, InputError where they have no coordinates, or not in metres, or are
+    of several lidars.
     """
     clouds: list[RawCloud] = []
+    senders: list[Sender] = []  # of clouds with other fields too, as another lidar's may be
     n_bytes, failure = 0, "it holds no message in the chosen span"
     messages = recording.messages((topic.name,), start_ns=span[0], stop_ns=span[1])
     for message in itertools.islice(messages, 3 * SAMPLED_SCANS):
@@ -88,6 +92,7 @@ def sample_clouds(
                 f" choose a lidar's topic.",
                 code="points.no_xyz",
             )
+        senders.append(sender_of(cloud))
         if not clouds or cloud.points.dtype == clouds[0].points.dtype:
             clouds.append(cloud)
             n_bytes += cloud.points.nbytes
@@ -97,6 +102,7 @@ def sample_clouds(
         raise UnreadableRecording(
             f"Not one message on {topic.name} of {recording.name} can be decoded ({failure}); record or copy it again."
         )
+    require_one_lidar(senders, topic.name)
     require_metres(clouds, topic.name)
     return clouds
 
@@ -118,7 +124,9 @@ class Reading:
     header_ns: list[int] = field(default_factory=list)
     receive_ns: list[int] = field(default_factory=list)
     counts: list[ScanCounts] = field(default_factory=list)
+    senders: list[Sender] = field(default_factory=list)
     n_twice: int = 0
+    n_unlike: int = 0
     n_malformed: int = 0
     malformed_text: str = ""
 
@@ -141,6 +149,7 @@ class Reading:
                     self._report(n_seen, lidar.count)
             while pending:
                 self._take(*pending.popleft())
+        require_one_lidar(self.senders, lidar.name)
         rest = None if self.gathering is None else self.gathering.rest()
         if rest is not None:
             self._add(self._written(rest))
@@ -187,9 +196,9 @@ class Reading:
         cloud = self.decoder(message)
         scan, counts = make_scan(cloud, index, self.timing, self.settings.range_min_m, self.settings.range_max_m)
         if scan is None or self.gathering is not None:
-            return _Decoded(cloud.header_ns, cloud.receive_ns, scan, counts)
+            return _Decoded(cloud.header_ns, cloud.receive_ns, sender_of(cloud), scan, counts)
         # Written by the thread that decoded it: whoever reads the recording goes on reading.
-        return _Decoded(cloud.header_ns, cloud.receive_ns, None, counts, self._written(scan))
+        return _Decoded(cloud.header_ns, cloud.receive_ns, sender_of(cloud), None, counts, self._written(scan))
 
     def _take(self, index: int, decoded: Future[_Decoded]) -> None:
         try:
@@ -199,6 +208,7 @@ class Reading:
             self.malformed_text = self.malformed_text or f"message {index}: {error}"
             return
         self.indices.append(index)
+        self.senders.append(taken.sender)
         self.header_ns.append(taken.header_ns)
         self.receive_ns.append(taken.receive_ns)
         self.counts.append(taken.counts)

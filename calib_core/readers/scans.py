@@ -15,7 +15,7 @@ from typing import IO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.readers.clouds.cloud import RawCloud, StructArray
+from calib_core.readers.clouds.cloud import RawCloud, StructArray, points_mark
 from calib_core.readers.timing.point_time import PointTiming, raw_times
 from calib_core.readers.timing.split_time import is_split
 from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, KeptScans, PointArray, Scan
@@ -184,12 +184,13 @@ def _octets(points: PointArray) -> memoryview:
 
 
 class _Entry(NamedTuple):
-    """A scan of StoredScans. first: of its points among all, in the order they were written in."""
+    """A scan of StoredScans. first: of its points among all, in the order they were written in.   mark: of its points."""
 
     message: int
     stamp_ns: int
     first: int
     n_points: int
+    mark: int
 
 
 class Written(NamedTuple):
@@ -197,6 +198,29 @@ class Written(NamedTuple):
 
     entry: _Entry
     points: PointArray | None = None
+
+
+class OrderCounts(NamedTuple):
+    """Clouds that came after later ones; that were sent twice; that bear the stamp of another one with other points."""
+
+    moved: int
+    twice: int
+    unlike: int
+
+
+def once_a_stamp(stamps_ns: Sequence[int], marks: Sequence[int]) -> tuple[list[int], list[int], list[int]]:
+    """Places in the order of their stamps, of one stamp the first; of the rest, those with its points, and those with others."""
+    kept: list[int] = []
+    twice: list[int] = []
+    unlike: list[int] = []
+    for k in sorted(range(len(stamps_ns)), key=stamps_ns.__getitem__):
+        if not kept or stamps_ns[k] != stamps_ns[kept[-1]]:
+            kept.append(k)
+        elif marks[k] == marks[kept[-1]]:
+            twice.append(k)
+        else:
+            unlike.append(k)
+    return kept, twice, unlike
 
 
 class StoredScans(KeptScans):
@@ -228,8 +252,9 @@ class StoredScans(KeptScans):
 
     def write(self, scan: Scan) -> Written:
         """Put a scan's points where they will stay, whatever its place among the scans; any thread may."""
+        mark = points_mark(scan.points)
         with self._writing:
-            entry = _Entry(scan.index, scan.stamp_ns, self._n_points, scan.points.size)
+            entry = _Entry(scan.index, scan.stamp_ns, self._n_points, scan.points.size, mark)
             self._n_points += scan.points.size
             if self._file is None and self._n_points * POINT_DTYPE.itemsize <= self._memory_bytes:
                 return Written(entry, scan.points)
@@ -266,16 +291,15 @@ class StoredScans(KeptScans):
         self._arrays = [a for k, a in enumerate(self._arrays) if k not in dropped]
         self._index = [e for k, e in enumerate(self._index) if k not in dropped]
 
-    def put_in_order(self) -> tuple[int, int]:
+    def put_in_order(self) -> OrderCounts:
         """Sort by stamp, of one stamp keep the first. Returns how many came after later ones, and how many were dropped."""
         stamps_ns = self.stamps_ns
         n_moved = sum(stamp < latest for stamp, latest in zip(stamps_ns, accumulate(stamps_ns, max), strict=True))
-        order = sorted(range(len(stamps_ns)), key=stamps_ns.__getitem__)
-        kept = [k for at, k in enumerate(order) if at == 0 or stamps_ns[k] != stamps_ns[order[at - 1]]]
+        kept, twice, unlike = once_a_stamp(stamps_ns, [entry.mark for entry in self._index])
         self._index = [self._index[k] for k in kept]
         if self._arrays:
             self._arrays = [self._arrays[k] for k in kept]
-        return n_moved, len(order) - len(kept)
+        return OrderCounts(n_moved, len(twice), len(unlike))
 
     def finish(self) -> StoredScans:
         """Itself, ready to be read."""
@@ -305,7 +329,7 @@ class StoredScans(KeptScans):
 
     def scan_at(self, place: int) -> Scan:
         """The scan at a place from 0 on."""
-        index, stamp_ns, first, count = self._index[place]
+        index, stamp_ns, first, count, _ = self._index[place]
         if self._map is None:
             return Scan(index, stamp_ns, self._arrays[place])
         self._heed_pages(count * POINT_DTYPE.itemsize)

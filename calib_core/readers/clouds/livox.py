@@ -40,22 +40,22 @@ def read_custom_msg(message: RawMessage, encoding: Encoding) -> RawCloud:
     """The cloud of one stored CustomMsg; `offset_time` counts from the header's stamp."""
     wire = Wire(message.payload, encoding)
     header_ns, frame_id = wire.header()
-    points = _points(wire)
-    return RawCloud(header_ns, message.receive_ns, frame_id, points, points.size, 1)
+    lidar_id, points = _points(wire)
+    return RawCloud(header_ns, message.receive_ns, frame_id, points, points.size, 1, lidar_id=lidar_id)
 
 
 def custom_msg_points(payload: bytes | bytearray, encoding: Encoding) -> StructArray:
     """(N,) structured view of a message's points; writable where the payload is."""
     wire = Wire(payload, encoding)
     wire.header()
-    return _points(wire)
+    return _points(wire)[1]
 
 
-def _points(wire: Wire) -> StructArray:
-    """The points of a message whose header has been read."""
+def _points(wire: Wire) -> tuple[int, StructArray]:
+    """The lidar's number and the points of a message whose header has been read."""
     wire.u64()  # timebase: the header's stamp again, in the sensor's own count
     declared = wire.u32()
-    wire.view(4)  # lidar_id, rsvd[3]
+    lidar_id = wire.view(4)[0]  # and rsvd[3]
     n_points = wire.u32()
     if n_points > MAX_POINTS or declared != n_points:
         raise MalformedMessage(f"{declared} points announced, {n_points} sent")
@@ -63,6 +63,6 @@ def _points(wire: Wire) -> StructArray:
     stride = dtype.itemsize if wire.encoding == "ros1" else dtype.itemsize + 1
     wire.align(4)
     if n_points == 0:
-        return np.zeros(0, dtype)
+        return lidar_id, np.zeros(0, dtype)
     body = wire.view((n_points - 1) * stride + dtype.itemsize)
-    return np.ndarray((n_points,), dtype, body, strides=(stride,))
+    return lidar_id, np.ndarray((n_points,), dtype, body, strides=(stride,))

@@ -181,7 +181,7 @@ class SynthesisingDecoder:
         for name in kept:
             points[name] = cloud.points[name]
         points[FIELD] = synthesised_times_s(cloud, self.synthesis)
-        return RawCloud(cloud.header_ns, cloud.receive_ns, cloud.frame_id, points, cloud.width, cloud.height)
+        return replace(cloud, points=points)
 
 
 def _start_evidence(synthesis: Synthesis) -> Evidence:
