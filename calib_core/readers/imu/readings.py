@@ -11,6 +11,7 @@ from calib_core.errors import InputError
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
 from calib_core.pace import GAP_PERIODS, usual_step_ns
 from calib_core.readers.imu.bundles import Bundles, told_apart
+from calib_core.readers.imu.dead import require_both_sensors
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.order import Came, as_they_came
 from calib_core.readers.imu.repeats import as_sensed
@@ -83,6 +84,7 @@ def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray, *, taken_ns: Int
 
 def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     """The readings in SI units, and what was found. Raises InputError where nothing usable is left."""
+    require_both_sensors(raw.gyro, raw.accel, topic)
     stamps_ns = raw.receive_ns if settings.stamps == "receive" else raw.header_ns
     good = (
         plausible_stamps(stamps_ns, raw.receive_ns)

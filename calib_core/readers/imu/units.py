@@ -110,12 +110,6 @@ def detect_accelerometer_unit(
 
 def _require_gravity(norm: float, stamps_ns: IntArray, accel: FloatArray, topic: str) -> None:
     """Raises InputError where what an accelerometer shows cannot be gravity. norm: in the quietest seconds."""
-    if not accel.any():
-        raise InputError(
-            f"The accelerations on {topic} are zero, as those of a gyroscope alone are; choose a topic that has both, or record"
-            " the accelerometer too.",
-            code="imu.no_accelerations",
-        )
     stays = _average(stamps_ns, accel)
     if stays >= _LEAST_GRAVITY and _LEAST_GRAVITY <= norm <= _MOST_GRAVITY:
         return

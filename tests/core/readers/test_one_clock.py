@@ -249,6 +249,27 @@ def test_accelerations_without_gravity_are_named(gravity: float, shaken: float, 
     assert words in str(caught.value)
 
 
+@pytest.mark.parametrize(("filled_with", "words"), [(0.0, "zero"), (np.nan, "no numbers")])
+@pytest.mark.parametrize("silent", ["gyro", "accel"])
+def test_a_sensor_that_says_nothing_is_named(silent: str, filled_with: float, words: str) -> None:
+    """A dead gyroscope, or a topic that carries accelerations alone (`/camera/accel/sample`); and the other way round.
+
+    Seen: three sentences of walls that did not stand still; readings that were not usable. Mutations: zeros alone; no numbers
+    alone; either sensor not asked.
+    """
+    given = _readings(9.81, 4.0)
+    gyro = np.full_like(given.gyro, filled_with) if silent == "gyro" else given.gyro
+    accel = np.full_like(given.accel, filled_with) if silent == "accel" else given.accel
+    what, whose, code = {
+        "gyro": ("angular rates", "an accelerometer", "imu.no_rates"),
+        "accel": ("accelerations", "a gyroscope", "imu.no_accelerations"),
+    }[silent]
+    with pytest.raises(InputError) as caught:
+        clean_imu(replace(given, gyro=gyro, accel=accel), ReadSettings(), "/camera/accel/sample")
+    assert caught.value.code == code
+    assert f"The {what} on /camera/accel/sample are {words}, as those of {whose} alone are; choose" in str(caught.value)
+
+
 def test_rest_without_gravity_is_named_however_it_moved_afterwards() -> None:
     """Linear accelerations of a hand that moves slowly average to more than nothing over two seconds; at rest they do not.
 

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from calib_core.readers.imu.stuck import stuck_axis
 from calib_core.types import FloatArray
 
 T = np.arange(1000) * 0.01
+#: Of a quick sensor.
+STEP_S = 0.002
 
 
-def _said(gyro: FloatArray, accel: FloatArray) -> str:
-    found = stuck_axis(np.rint(T * 1e9).astype(np.int64), gyro, accel, "/imu")
+def _said(gyro: FloatArray, accel: FloatArray, *, step_s: float = 0.01) -> str:
+    found = stuck_axis(np.rint(np.arange(len(T)) * step_s * 1e9).astype(np.int64), gyro, accel, "/imu")
     return "" if found is None else found.text
 
 
@@ -45,3 +48,46 @@ def test_readings_that_are_held_coarse_or_stuck_for_a_moment_are_none() -> None:
     coarse = accel.copy()
     coarse[:, 2] = np.rint(np.sin(0.3 * T) * 4.0) * 0.05  # turns slowly past a step every half second
     assert _said(gyro, coarse) == ""
+
+
+def _moving(seed: int, size: float, noise: float, *, hz: float = 0.4) -> FloatArray:
+    """As a hand turns it, about all axes."""
+    phases = np.array([0.0, 1.0, 2.0])
+    return np.asarray(size * np.sin(2.0 * np.pi * hz * T[:, None] + phases) + _noisy(seed, noise))
+
+
+@pytest.mark.parametrize("axes", [[0, 2], [0, 1, 2]])
+@pytest.mark.parametrize("sensor", ["gyroscope", "accelerometer"])
+@pytest.mark.parametrize("since", [0, 400])
+def test_axes_that_are_stuck_together_are_told_by_the_other_sensor(sensor: str, axes: list[int], since: int) -> None:
+    """Two or three of one sensor while the rig moves. Seen: nothing said, as each was compared with its neighbours alone.
+
+    Mutations: the same sensor's axes asked alone; one axis named.
+    """
+    gyro, accel = _moving(5, 0.5, 1e-3), _moving(6, 2.0, 1e-2)
+    assert _said(gyro, accel) == ""
+    stuck = gyro if sensor == "gyroscope" else accel
+    stuck[since:, axes] = stuck[since, axes]
+    said = _said(gyro, accel)
+    assert said.startswith(f"The {sensor}'s {'x and z' if len(axes) == 2 else 'x, y and z'} axes on /imu read ")
+    assert f"and nothing else for {10.0 - since / 100:.1f} s, from {since / 100:.1f} s on" in said
+    assert said.endswith("they are stuck, or not measured.")
+
+
+@pytest.mark.parametrize("filter_hz", [0.0, 10.0])
+def test_a_sensor_that_is_held_at_rest_is_not_stuck(filter_hz: float) -> None:
+    """Beside white noise, and noise behind a low-pass filter of 500 readings a second. Mutations: any reading that changes
+    tells of motion; readings compared as they are instead of means.
+    """
+    gyro, accel = _moving(7, 0.5, 1e-3), _noisy(8, 1e-2)
+    gyro[300:] = gyro[300]
+    kept = np.exp(-2.0 * np.pi * filter_hz * STEP_S) if filter_hz else 0.0
+    for k in range(1, len(T)):
+        accel[k] += kept * (accel[k - 1] - accel[k])
+    assert _said(gyro, accel, step_s=STEP_S) == ""
+
+
+def test_a_coarse_sensor_that_moves_is_not_stuck() -> None:
+    """Its steps hide a slow turn, of whatever the other sensor tells. Mutation: what it reads otherwise not asked of several."""
+    gyro, accel = np.rint(_moving(9, 0.3, 0.0, hz=0.1) / 0.25) * 0.25, _moving(10, 2.0, 1e-2)
+    assert _said(np.asarray(gyro), accel) == ""
