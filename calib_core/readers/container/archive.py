@@ -22,10 +22,17 @@ from typing import IO, cast
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.limits import LIMITS
+from calib_core.readers.container.one_recording import (
+    STORAGE_SUFFIXES,
+    is_hidden,
+    is_same_recording,
+    require_one_recording,
+    storage_suffix,
+)
 from calib_core.readers.container.tar_stream import BoundedStream
 
 _TAR_SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
-_KEPT = (".bag", ".mcap", ".db3", ".zstd", ".zst")
+_KEPT = (*STORAGE_SUFFIXES, ".zstd", ".zst")
 _BLOCK = 1 << 20
 #: Errors that say something of the archive, a place before its start or a name without end; all others are the disk's.
 _ARCHIVES_OWN = {None, errno.EINVAL, errno.ENAMETOOLONG}
@@ -48,19 +55,22 @@ def unpacked_room(path: Path, folder: Path, *, most_bytes: int = LIMITS.unpacked
 def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked_bytes) -> Path:
     """`folder`, filled with the archive's storage files."""
     room = unpacked_room(path, folder, most_bytes=max_bytes)
-    found = 0
+    found: list[PurePosixPath] = []
     try:
         for member, stream in _members(path, room):
-            name = _plain(PurePosixPath(member.replace("\\", "/")).name)
-            if name.startswith(".") or not name.endswith(_KEPT):
+            inside = PurePosixPath(member.replace("\\", "/"))
+            name = _plain(inside.name)
+            if is_hidden(inside) or not name.endswith(_KEPT) or storage_suffix(inside) not in STORAGE_SUFFIXES:
                 continue
+            found.append(inside)
+            if not is_same_recording(found[0], inside):
+                continue  # looked through to its end to name them all, and refused
             target = folder / name
             if target.exists():
                 raise UnreadableRecording(
                     f"The archive {path.name} holds two files named {name[:80]}; pack one recording per archive."
                 )
             room = _copy(stream, target, room, path.name)
-            found += 1
     except (
         zipfile.BadZipFile,
         tarfile.TarError,
@@ -80,6 +90,7 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
         raise _damaged(path, error) from error
     if not found:
         raise UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
+    require_one_recording(found, f"The archive {path.name}", "pack one recording per archive")
     return folder
 
 

@@ -20,6 +20,12 @@ from typing import Literal, Self
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.archive import is_archive, unpacked_room
 from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.one_recording import (
+    STORAGE_SUFFIXES,
+    is_hidden,
+    require_one_recording,
+    storage_suffix,
+)
 from calib_core.readers.container.recover_mcap import McapRecovery
 from calib_core.readers.container.recover_ros1 import Ros1Recovery
 from calib_core.readers.container.recover_sqlite import SqliteRecovery
@@ -37,7 +43,6 @@ from calib_core.readers.container.unpacked import unpacked
 #: Bytes read, and unpacked, at once.
 _BLOCK = 1 << 20
 RecordingKind = Literal["ros1", "ros2"]
-STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
 _ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"
 
 
@@ -145,7 +150,7 @@ def kind_of(path: Path) -> RecordingKind:
 
 
 def _kind(files: list[Path]) -> RecordingKind:
-    return "ros1" if files and _storage_suffix(files[0]) == ".bag" else "ros2"
+    return "ros1" if files and storage_suffix(files[0]) == ".bag" else "ros2"
 
 
 @contextmanager
@@ -168,7 +173,7 @@ def plain_reason(error: Exception) -> str:
 
 def recovered(file: Path, reason: str) -> Storage:
     """The file read without its index. Raises StorageError where nothing of it can be read.   reason: why."""
-    if _storage_suffix(file) == ".bag":
+    if storage_suffix(file) == ".bag":
         return Ros1Recovery(file, reason)
     return McapRecovery(file, reason) if file.suffix == ".mcap" else SqliteRecovery(file, reason)
 
@@ -176,25 +181,53 @@ def recovered(file: Path, reason: str) -> Storage:
 def storage_files(path: Path) -> list[Path]:
     """The storage files of a recording: the file itself, or those of a folder in name order.
 
-    The folder's metadata.yaml is not asked: recorders that were killed leave none, and splits are named in order.
+    The folder's metadata.yaml is not asked for their order: recorders that were killed leave none, and splits are named in order.
+    Raises UnreadableRecording where there is none, or where there are several recordings'.
     """
     if not path.exists():
         raise UnreadableRecording(f"There is no file or folder {path}; give the path of {_ACCEPTED}.")
     if path.is_file():
-        if _storage_suffix(path) not in STORAGE_SUFFIXES:
+        if storage_suffix(path) not in STORAGE_SUFFIXES:
             raise UnreadableRecording(f"The file {path.name} is no recording; expected {_ACCEPTED}.")
         return [path]
-    for folder in (path, *sorted(p for p in path.iterdir() if p.is_dir())):
-        for suffix in STORAGE_SUFFIXES:
-            files = [f for f in folder.iterdir() if _storage_suffix(f) == suffix and f.is_file()]
-            if files:
-                return sorted(files, key=_split_order)
+    found = _found(path)
+    if not _listed(found):
+        require_one_recording([f.relative_to(path) for f in found], f"The folder {path.name}", "give one of them")
+    for suffix in STORAGE_SUFFIXES:
+        files = [f for f in found if storage_suffix(f) == suffix]
+        if files:
+            return sorted(files, key=_split_order)
     raise UnreadableRecording(f"The folder {path.name} holds no .mcap, .db3 or .bag file; expected {_ACCEPTED}.")
 
 
-def _storage_suffix(file: Path) -> str:
-    """The suffix that says how it is stored, under compression's and that of a bag still being recorded."""
-    return Path(file.stem).suffix if file.suffix in (".zstd", ".zst", ".active") else file.suffix
+def _found(path: Path) -> list[Path]:
+    """The storage files in a folder and in the folders in it; one that is closed to this user counts where no other has any."""
+    found: list[Path] = []
+    closed: PermissionError | None = None
+    for folder in (path, *sorted(p for p in path.iterdir() if p.is_dir() and not is_hidden(p.relative_to(path)))):
+        try:
+            inside = list(folder.iterdir())
+        except PermissionError as error:
+            closed = error
+            continue
+        found += [
+            f for f in inside if storage_suffix(f) in STORAGE_SUFFIXES and not f.name.startswith(".") and f.is_file()
+        ]
+    if closed is not None and not found:
+        raise closed
+    return found
+
+
+def _listed(files: list[Path]) -> bool:
+    """Whether a metadata.yaml beside all of these names them, whatever they are called: then they are one recording."""
+    folders = {file.parent for file in files}
+    if len(folders) != 1:
+        return False
+    try:
+        text = (folders.pop() / "metadata.yaml").read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return all(file.name in text for file in files)
 
 
 def _split_order(file: Path) -> tuple[str, int, str]:

@@ -1,0 +1,96 @@
+"""Which files are one recording's: those of one folder whose names are alike but for the number of the split.
+
+    room_0.mcap, room_1.mcap                                    ROS 2, and ROS 1 under a name of one's own
+    name_2024-01-01-10-00-00_0.bag, name_2024-01-01-10-05-00_1.bag   ROS 1: each split has the date at which it began
+
+All others are several recordings. Read as one, there would be an hour between two scans, or a rig that was mounted anew.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from pathlib import PurePath
+from typing import NamedTuple
+
+from calib_core.counts import counted, joined
+from calib_core.errors import UnreadableRecording
+
+STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
+#: Of a file that is compressed, or was still being recorded.
+_OUTER_SUFFIXES = (".zstd", ".zst", ".active")
+_DATE = r"(?<!\d)\d{4}([-_]\d\d){5}"
+_DATED = re.compile(rf"{_DATE}$")
+_DATED_SPLIT = re.compile(rf"{_DATE}_(?=\d+$)")
+_SPLIT = re.compile(r"_(\d+)$")
+#: A sentence lists so many recordings, by names no longer than this.
+_LISTED, _LONGEST_NAME = 5, 80
+
+
+class _Split(NamedTuple):
+    """What a file's name says. number: of the split, -1 where it has none."""
+
+    folder: str
+    recording: str
+    number: int
+
+
+def storage_suffix(file: PurePath) -> str:
+    """The suffix that says how it is stored, under compression's and that of a bag still being recorded."""
+    return PurePath(file.stem).suffix if file.suffix in _OUTER_SUFFIXES else file.suffix
+
+
+def is_hidden(file: PurePath) -> bool:
+    """Whether the file, or a folder that it is in, is one that systems put beside a person's: `._room.bag` of a Mac."""
+    return any(part.startswith(".") and part.strip(".") for part in file.parts)
+
+
+def is_same_recording(one: PurePath, other: PurePath) -> bool:
+    """Whether their names are those of splits of one recording; two of one number are not told from these alone."""
+    return _split(one)[:2] == _split(other)[:2]
+
+
+def require_one_recording(files: Iterable[PurePath], what: str, cure: str) -> None:
+    """Raises UnreadableRecording where these are several recordings'. files: under the folder or archive, which is `what`."""
+    groups: dict[tuple[str, str], list[PurePath]] = {}
+    for file in sorted(files):
+        if storage_suffix(file) in STORAGE_SUFFIXES:
+            groups.setdefault(_split(file)[:2], []).append(file)
+    recordings = [recording for group in groups.values() for recording in _begun(group)]
+    if len(recordings) > 1:
+        names = [_plain(recording[0].as_posix())[-_LONGEST_NAME:] for recording in recordings[:_LISTED]]
+        if len(recordings) > _LISTED:
+            names.append(f"{len(recordings) - _LISTED} more")
+        raise UnreadableRecording(
+            f"{what} holds {counted(len(recordings), 'recording')}, {joined(names)}; {cure}.", code="recording.several"
+        )
+
+
+def _split(file: PurePath) -> _Split:
+    stem = PurePath(file.stem).stem if file.suffix in _OUTER_SUFFIXES else file.stem
+    found = None if _DATED.search(stem) else _SPLIT.search(stem)
+    if found is None:
+        return _Split(file.parent.as_posix(), stem, -1)
+    undated = _DATED_SPLIT.sub("", stem)
+    return _Split(file.parent.as_posix(), undated[: undated.rfind(found[1])], int(found[1]))
+
+
+def _begun(group: list[PurePath]) -> list[list[PurePath]]:
+    """The recordings of files that are alike but for date and number: a number that comes again begins another.
+
+    One stored in two ways, a bag and what it was converted to, is one.
+    """
+    begun: list[list[PurePath]] = [[]]
+    numbers: set[tuple[int, str]] = set()
+    for file in group:
+        key = _split(file).number, storage_suffix(file)
+        if key in numbers:
+            begun.append([])
+            numbers.clear()
+        numbers.add(key)
+        begun[-1].append(file)
+    return begun
+
+
+def _plain(name: str) -> str:
+    return "".join(character if character.isprintable() else "_" for character in name)
