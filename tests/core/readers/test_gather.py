@@ -123,6 +123,18 @@ def test_a_part_that_comes_late_does_not_go_back_in_time() -> None:
     assert gathering.rest() is None
 
 
+def test_a_part_of_the_stamp_before_is_the_same_again_or_another() -> None:
+    """Either way the first counts. Mutations: each taken for the same again; for another."""
+    gathering = Gathering(95_000_000)
+    points, others = np.zeros(3, POINT_DTYPE), np.ones(3, POINT_DTYPE)
+    for part in (points, points.copy(), others):
+        assert gathering.add(Scan(0, 50, part)) is None
+    assert (gathering.n_twice, gathering.n_unlike) == (1, 1)
+    rest = gathering.rest()
+    assert rest is not None
+    np.testing.assert_array_equal(rest.points, points)
+
+
 @pytest.mark.parametrize("gap", range(15))
 def test_bearings_are_those_of_all_points(gap: int) -> None:
     """Points all round but for a gap, in which lies a lone one or none. Oracle: each point's bin by itself. Mutation: the few
