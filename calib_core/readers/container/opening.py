@@ -201,10 +201,15 @@ def storage_files(path: Path) -> list[Path]:
 
 
 def _found(path: Path) -> list[Path]:
-    """The storage files in a folder and in the folders in it; one that is closed to this user counts where no other has any."""
+    """The storage files in a folder; where it has none, those in the folders in it, as what lies below a recording was made of it.
+
+    A folder that is closed to this user counts where no other has any.
+    """
     found: list[Path] = []
     closed: PermissionError | None = None
     for folder in (path, *sorted(p for p in path.iterdir() if p.is_dir() and not is_hidden(p.relative_to(path)))):
+        if found and found[0].parent == path:
+            break
         try:
             inside = list(folder.iterdir())
         except PermissionError as error:
