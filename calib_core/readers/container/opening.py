@@ -201,7 +201,7 @@ def storage_files(path: Path) -> list[Path]:
 
 
 def _found(path: Path) -> list[Path]:
-    """The storage files in a folder; where it has none, those in the folders in it, as what lies below a recording was made of it.
+    """The storage files in a folder; where it has none, those in the folders in it: what lies below a recording was made of it.
 
     A folder that is closed to this user counts where no other has any.
     """
