@@ -144,11 +144,11 @@ def test_a_report_that_fails_leaves_the_result_and_says_where(
     """On a full disk, on a defect, on Ctrl-C. Mutations: the report before the result; no `_result_kept`; `_with_notes` that
     leaves the notes out; exit 0."""
 
-    def fails(*_: object) -> None:
+    def fails(*_: object, **__: object) -> None:
         raise failure
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("app.results.evidence.measure_evidence", fails)
+    monkeypatch.setattr("app.results.beside.measure_beside", fails)
     out, report = tmp_path / "result.json", tmp_path / "report.html"
     assert cli.run(["calibrate", "room.bag", "--output", str(out), "--report", str(report)]) == exit_code
     assert CalibrationResult.model_validate_json(out.read_text()) == library.result
@@ -169,7 +169,7 @@ def test_a_reader_of_stdout_that_has_left_still_gets_its_report(
     written: list[Path] = []
     monkeypatch.setattr(commands, "_give_result", closed)
     monkeypatch.setattr(commands, "forget_stdout", lambda: None)
-    monkeypatch.setattr(commands, "_write_report", lambda *words: written.append(words[-1]))
+    monkeypatch.setattr(commands, "_write_report", lambda *words, **_: written.append(words[-1]))
     assert cli.run(["calibrate", "room.bag", "--report", str(tmp_path / "report.html")]) == 0
     assert written == [tmp_path / "report.html"]
 
