@@ -127,7 +127,7 @@ class OwnAnswer(Shift):
 
 
 class TimeBlock(OwnAnswer):
-    t_start_s: float = Field(description="lidar time, seconds after the first scan")
+    t_start_s: float = Field(description="lidar time, seconds from the recording's start")
     t_end_s: float
 
 

@@ -31,7 +31,7 @@ def time_blocks(blocks: Sequence[TimeBlock]) -> str:
             axes.errorbar(at, shift[:, axis], std[:, axis], **_POINT, color=color, label=label)
         ends = reach(shift, std)
         axes.set_ylim(-ends, ends)
-        axes.set_xlabel("time after the first scan [s]")
+        axes.set_xlabel("time after the recording began [s]")
         axes.set_ylabel(f"minus the joint answer [{unit}]")
         axes.set_title(name, fontsize=8)
     row[0].legend(loc="upper right", ncols=3, fontsize=6.5, handletextpad=0.1, columnspacing=0.8)

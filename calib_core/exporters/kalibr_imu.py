@@ -138,6 +138,6 @@ def _remarks(result: CalibrationResult) -> list[str]:
     if any(each.state == "considered" for each in here):
         lines.append(FOUND_BESIDE)
     if result.clock_rate_ppm is not None and result.time_offset_at_s is not None:
-        holds = f"it holds {result.time_offset_at_s:.3f} s after the first scan"
+        holds = f"it holds {result.time_offset_at_s:.3f} s after the recording began"
         lines.append(f"The offset grows by {result.clock_rate_ppm:.2f} us a second; {holds}.")
     return lines

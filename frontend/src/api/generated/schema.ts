@@ -3518,7 +3518,7 @@ export interface components {
             t_end_s: number;
             /**
              * T Start S
-             * @description lidar time, seconds after the first scan
+             * @description lidar time, seconds from the recording's start
              */
             t_start_s: number;
             /** Time Offset Shift S */

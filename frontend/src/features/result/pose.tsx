@@ -116,7 +116,7 @@ function clockText({
 }: CalibrationResult): string {
   if (rate == null || atS == null) return "";
   const value = toSigma(rate, std ?? 0);
-  return `, ${fixed(atS, 1)} s after the first scan; from there it changes by ${value} ± ${twoDigits(std ?? 0)} µs per second`;
+  return `, ${fixed(atS, 1)} s after the recording began; from there it changes by ${value} ± ${twoDigits(std ?? 0)} µs per second`;
 }
 
 /** 20 mm, 0.5°, 2 ms. */
