@@ -11,7 +11,7 @@ import pytest
 from app.cli import commands
 from app.cli.main import run
 from app.cli.terminal import Manner
-from app.jobs.orders import Order, StoredRequest
+from app.jobs.orders import StoredRequest
 from app.results.beside import Beside, measure_beside
 from app.scene.build import Solved
 from app.scene.inspect import Look, Motions, build_inspection
@@ -20,6 +20,7 @@ from app.work import functions
 from calib_core import api
 from calib_core.settings import CalibrateSettings
 from tests.app.support import world
+from tests.app.support.orders import order_of
 
 RECORDING = world.make_recording()
 RESULT = world.make_result()
@@ -123,15 +124,8 @@ def test_terminal_and_browser_leave_out_what_the_solve_left_out(monkeypatch, tmp
     monkeypatch.setattr(commands, "_manner", lambda _: Manner.quiet)
     words = ["calibrate", "room.bag", "--exclude", "0.35:0.45", "--report", str(tmp_path / "page.html")]
     assert run([*words, "--output", str(tmp_path / "result.json")]) == 0
-    order = Order(
-        job_id="0" * 32,
-        kind="solve",
-        recording_name="room.bag",
-        source=tmp_path / "room.bag",
-        cache=tmp_path / "cache",
-        folder=tmp_path / "job",
-        request=StoredRequest(settings=CalibrateSettings(excluded_spans_s=SPANS_S)),
-    )
+    request = StoredRequest(settings=CalibrateSettings(excluded_spans_s=SPANS_S))
+    order = order_of(tmp_path, "solve", request=request)
     functions.run_job(order, lambda _: None, lambda: False)
     assert solving.spans_s == [SPANS_S, SPANS_S]
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
-from app.jobs.orders import Order, StoredRequest
+from app.jobs.orders import StoredRequest
 from app.results import beside
 from app.work import functions
 from calib_core.events import StageEvent
 from tests.app.support import world
+from tests.app.support.orders import order_of
 
 
 def test_a_refused_solve_ends_at_the_stage_that_refused_it(monkeypatch, tmp_path) -> None:
@@ -21,15 +22,7 @@ def test_a_refused_solve_ends_at_the_stage_that_refused_it(monkeypatch, tmp_path
     monkeypatch.setattr(functions, "decoded", lambda *_: None)
     monkeypatch.setattr(functions.api, "calibrate", calibrate)
     monkeypatch.setattr(beside, "measure_evidence", lambda *_: SimpleNamespace(model_dump_json=lambda: "{}"))
-    order = Order(
-        job_id="0" * 32,
-        kind="solve",
-        recording_name="room.bag",
-        source=tmp_path / "room.bag",
-        cache=tmp_path / "cache",
-        folder=tmp_path / "job",
-        request=StoredRequest(),
-    )
+    order = order_of(tmp_path, "solve", request=StoredRequest())
     heard: list[StageEvent] = []
     outcome = functions.run_job(order, heard.append, lambda: False)
     assert outcome.status == "refused"

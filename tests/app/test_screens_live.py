@@ -7,12 +7,12 @@ import threading
 import numpy as np
 import pytest
 
-from app.jobs.orders import Order
 from app.scene.throttle import Throttle
 from app.schemas.view import ViewState
 from app.work.functions import run_job
 from calib_core.errors import Cancelled
 from tests.app.support import world
+from tests.app.support.orders import order_of
 
 
 @pytest.fixture(scope="module")
@@ -146,15 +146,8 @@ def test_a_view_kept_by_an_older_version_is_forgotten(shared_live, solved):
 
 def test_a_sample_stops_when_asked(tmp_path):
     """Mutation: the simulation not told that it should stop."""
-    order = Order(
-        job_id="0" * 32,
-        kind="simulate",
-        recording_name="sample",
-        source=tmp_path / "sample.bag",
-        cache=tmp_path / "cache",
-        folder=tmp_path / "job",
-        scenario="one-axis",
-    )
+    source = tmp_path / "sample.bag"
+    order = order_of(tmp_path, "simulate", recording_name="sample", source=source, scenario="one-axis")
     asked = []
 
     def should_cancel():

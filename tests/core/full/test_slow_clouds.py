@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
+from calib_core.errors import Refused
+from calib_core.full.initialise import by_pairs
 from calib_core.full.initialise.by_pairs import _require_measured_points
 from calib_core.full.initialise.start import RotationStart
 from calib_core.settings import CalibrateSettings
@@ -33,11 +36,14 @@ def test_clouds_that_come_twice_a_second_are_enough(scenario: str, seed: int, ev
     assert errors @ np.linalg.solve(np.array(result.uncertainty.covariance), errors) < 24.3
 
 
-def test_sweeps_of_which_turns_tell_nothing_are_not_called_straightened() -> None:
+def test_sweeps_of_which_turns_tell_nothing_are_not_called_straightened(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where no rotation is found once they are straightened, nothing is told of them. Mutation: none is the worst of all."""
     raw = RotationStart(0.0, np.eye(3), np.zeros(3), 0.08, 0.99, None)
     run: Any = None
     _require_measured_points(run, raw, [])
     bent = replace(raw, residual=1.0)
-    with pytest.raises(AttributeError):  # one that is told of goes on to ask the recording
-        _require_measured_points(run, raw, [bent])
+    told: Any = SimpleNamespace(recording=SimpleNamespace(scans=()))
+    monkeypatch.setattr(by_pairs, "_by_pairs", lambda *_: ([], None))
+    monkeypatch.setattr(by_pairs, "GyroTurning", SimpleNamespace(of=lambda *_: None))
+    with pytest.raises(Refused, match="straightened before they were recorded"):
+        _require_measured_points(told, raw, [bent])
