@@ -132,6 +132,11 @@ def _sample_field(clouds: Sequence[RawCloud], returns: Sequence[IntArray], name:
     return _FieldSample(name, q01, q99, int(forward.sum()) / int(steps.sum()) if steps.any() else 0.0, named)
 
 
+def _says_time(name: str) -> bool:
+    """Whether a field is called a time, in whatever words beside."""
+    return any(word in name.lower() for word in ("time", "stamp"))
+
+
 def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit], *, asked: bool) -> list[_Hypothesis]:
     """One per unit whose spread is possible; best first. asked: somebody has named the field."""
     good = np.isfinite(sample.q01)
@@ -143,7 +148,7 @@ def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit], *,
     found = []
     for unit in units:
         ratio = span * NS_PER_UNIT[unit] * 1e-9 / period_s
-        least = _RATIO_POSSIBLE[0] if sample.named or asked else _LEAST_UNNAMED
+        least = _RATIO_POSSIBLE[0] if asked or sample.named or _says_time(sample.name) else _LEAST_UNNAMED
         if not least <= ratio <= _RATIO_POSSIBLE[1]:
             continue
         inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1]

@@ -87,7 +87,8 @@ def test_clocks_of_points_that_are_leap_seconds_ahead_are_not_late_by_them(tmp_p
 
 
 @pytest.mark.parametrize(
-    ("name", "share", "is_time"), [("index", 0.3, False), ("stamp_us", 0.9, True), ("time", 0.3, True)]
+    ("name", "share", "is_time"),
+    [("index", 0.3, False), ("stamp_us", 0.9, True), ("time", 0.3, True), ("timestamp_us", 0.3, True)],
 )
 def test_a_running_number_is_no_time(name: str, share: float, is_time: bool, tmp_path: Path) -> None:
     """A number of each point fits microseconds by chance; a field that is called so may cover part of a sweep. Seen: an answer 30
