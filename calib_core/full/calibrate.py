@@ -35,8 +35,8 @@ def calibrate_full(
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
     found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
     _say_of_held_planes(run, planes)
-    planes = in_the_tracks_frame(run, planes)
-    followed = follow_or_recall(run, planes, kept_in)
+    planes, begins = in_the_tracks_frame(run, planes)
+    followed = follow_or_recall(run, planes, kept_in, begins)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
     found, followed = named(followed, (), up), named(followed, planes or (), up)

@@ -8,41 +8,64 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from calib_core.events import Event, LogEvent, OnEvent
 from calib_core.full.initialise.begin import begin
+from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.planes.propose import find_reference, near_plane, scan_points
 from calib_core.full.run import Run
 from calib_core.types import FloatArray, Plane
 
 
-def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Sequence[Plane] | None:
+class Placed(NamedTuple):
+    """A person's planes in the frame of the scan that the track begins with. begins: that scan's position, where they tell it;
+    None where its own planes do.
+    """
+
+    planes: Sequence[Plane] | None
+    begins: int | None = None
+
+
+def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Placed:
     """The same planes in the frame of the scan that the track begins with. given: in that frame, or in the first scan's: in which
     of them they are is told by the scans' own points.
+
+    From the first scan to the other they are carried by a track without them. Where that does not reach so far, or they do not
+    lie on what the other scan shows, it has told nothing of them: the track begins with the first scan then.
     """
     if given is None or all(plane.suggested for plane in given):
-        return given
+        return Placed(given)
     scans = run.recording.scans
     first = next((k for k, scan in enumerate(scans) if len(scan.points)), 0)
     reference, _ = find_reference(scans, run.settings, should_cancel=run.should_cancel)
-    if reference == first or _share_on(run, given, first) <= _share_on(run, given, reference):
-        return given
-    followed = begin(replace(run, on_event=_unless_said(run)), None, propose_planes(run.recording, run.settings))
-    if followed.reference != reference:
-        return given
-    origin = next((m for m in followed.motions if m.position == first), None)
-    if origin is None:
-        return given
+    on_first = _share_on(run, given, first)
+    if reference == first or on_first <= _share_on(run, given, reference):
+        return Placed(given)
     at_s = (scans[reference].stamp_ns - scans[first].stamp_ns) * 1e-9
-    run.say(
-        "info",
-        "planes.frame",
+    text = (
         f"the given {'plane lies' if len(given) == 1 else 'planes lie'} where the first scan shows planes, not where the scan at "
-        f"{at_s:.1f} s does, from which the lidar is followed: taken to be in the first scan's frame, the map",
+        f"{at_s:.1f} s does"
     )
+    carried = _carried(run, given, first, reference)
+    if carried is not None and _share_on(run, carried, reference) > AGREEING.carried * on_first:
+        text = f"{text}, from which the lidar is followed: taken to be in the first scan's frame, the map"
+        run.say("info", "planes.frame", text)
+        return Placed(carried)
+    text = f"{text}: taken to be in the first scan's frame, the map, and the lidar is followed from there"
+    run.say("info", "planes.frame", text)
+    return Placed(given, first)
+
+
+def _carried(run: Run, given: Sequence[Plane], first: int, reference: int) -> list[Plane] | None:
+    """Planes of the first scan in the frame of the reference, by a track of what is found there; None where there is none."""
+    followed = begin(replace(run, on_event=_unless_said(run)), None, propose_planes(run.recording, run.settings))
+    origin = next((m for m in followed.motions if m.position == first), None)
+    if followed.reference != reference or origin is None:
+        return None
     return [_moved(plane, origin.R, origin.p) for plane in given]
 
 

@@ -26,7 +26,7 @@ from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import require_motion
 from calib_core.full.run import Run
-from calib_core.types import FloatArray, Plane
+from calib_core.types import FloatArray, Plane, PlaneProposals
 from calib_core.written import Arrays
 
 _FILE = "track.npz"
@@ -50,7 +50,8 @@ class Kept:
     """A track with what it was made from. found: planes proposed.   extra: given ones that were followed beside them.
 
     chosen: whether a choice of planes was given.   left: whether the map is not that of the proposals' reference scan, which
-    with a choice it has to be.   said: sentences for a person on the way.
+    with a choice it has to be.   said: sentences for a person on the way.   begins: the scan that the given planes told the track
+    to begin with.
     """
 
     followed: Followed
@@ -59,31 +60,37 @@ class Kept:
     chosen: bool
     left: bool
     said: tuple[LogEvent, ...]
+    begins: int | None = None
 
-    def serves(self, given: Sequence[Plane] | None) -> bool:
+    def serves(self, given: Sequence[Plane] | None, begins: int | None = None) -> bool:
         """Whether the same track would be made for this choice of planes."""
         given = choice_among(self.found, given)
+        if self.begins != begins:
+            return False
         if self.left and self.chosen != (given is not None):
             return False
         return _same(self.extra, joined(self.found, given or [])[len(self.found) :])
 
 
-def follow_or_recall(run: Run, given: Sequence[Plane] | None, folder: Path | None) -> Followed:
+def follow_or_recall(
+    run: Run, given: Sequence[Plane] | None, folder: Path | None, begins: int | None = None
+) -> Followed:
     """The lidar's motion and planes as `begin` has them; from the folder where they lie there, and put there otherwise.
 
+    begins: the position of the scan in whose frame the given planes are, where they tell it; None: the one proposed.
     Raises Refused where there is no motion in them.
     """
-    followed = _followed_or_recalled(run, given, folder)
+    followed = _followed_or_recalled(run, given, folder, begins)
     require_motion(followed.motions, len(run.recording.scans), followed.planes)
     return followed
 
 
-def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path | None) -> Followed:
+def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path | None, begins: int | None) -> Followed:
     if folder is None:
-        return begin(run, given)
+        return begin(run, given, _proposed(run, begins))
     key = key_of(run)
     kept = read_kept(folder / _FILE, key)
-    if kept is not None and kept.serves(given):
+    if kept is not None and kept.serves(given, begins):
         run.on_event(StageEvent(stage="track", fraction=1.0, kept=True))
         for event in kept.said:
             run.on_event(event)
@@ -96,13 +103,20 @@ def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path 
         run.on_event(event)
 
     listening = replace(run, on_event=listen)
-    found = propose_planes(run.recording, run.settings, on_event=listen, should_cancel=run.should_cancel)
+    found = _proposed(listening, begins)
     followed = begin(listening, given, found)
     planes = tuple(patch.plane for patch in found.patches)
     given = choice_among(planes, given)
     extra = tuple(joined(planes, given or [])[len(planes) :])
-    write_kept(folder / _FILE, key, Kept(followed, planes, extra, given is not None, followed.away, tuple(said)))
+    kept = Kept(followed, planes, extra, given is not None, followed.away, tuple(said), begins)
+    write_kept(folder / _FILE, key, kept)
     return followed
+
+
+def _proposed(run: Run, begins: int | None) -> PlaneProposals:
+    return propose_planes(
+        run.recording, run.settings, position=begins, on_event=run.on_event, should_cancel=run.should_cancel
+    )
 
 
 def key_of(run: Run) -> str:
@@ -126,6 +140,7 @@ def write_kept(path: Path, key: str, kept: Kept) -> None:
         "key": key,
         "chosen": kept.chosen,
         "left": kept.left,
+        "begins": kept.begins,
         "home": bool(kept.followed.proposals),
         "of_proposal": kept.followed.of_proposal,
         "said": [event.model_dump() for event in kept.said],
@@ -179,7 +194,7 @@ def _as_kept(words: dict[str, Any], stored: Arrays) -> Kept:
         late=tuple(which < 0 for which in words["of_proposal"]),
     )
     said = tuple(LogEvent.model_validate(event) for event in words["said"])
-    return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said)
+    return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said, words["begins"])
 
 
 def _rows(planes: Sequence[Plane]) -> FloatArray:

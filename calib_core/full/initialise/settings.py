@@ -144,6 +144,9 @@ class Agreeing:
     #: One beyond is a plane of its own.
     same_deg: float = 5.0
     same_m: float = 0.15
+    #: derived: planes that were carried rightly hold as much of the scan that they come to as of the one they are from, and
+    #: those laid at random a sixth and less: half. Where less does for a good reason, they are at home in the other scan anyway.
+    carried: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)

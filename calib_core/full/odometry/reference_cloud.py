@@ -27,13 +27,21 @@ def propose_planes(
     recording: Recording,
     settings: CalibrateSettings,
     *,
+    position: int | None = None,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> PlaneProposals:
-    """The planes of the reference cloud as patches, largest first, all confirmed, and the cloud itself."""
+    """The planes of the reference cloud as patches, largest first, all confirmed, and the cloud itself.
+
+    position: the reference scan's, where it is told; else it is the one whose planes determine a pose.
+    """
     on_event(StageEvent(stage="planes", fraction=0.0, text="looking for planes"))
     scans = recording.scans
-    reference, fits = find_reference(scans, settings, should_cancel=should_cancel)
+    if position is None:
+        reference, fits = find_reference(scans, settings, should_cancel=should_cancel)
+    else:
+        points_m = scan_points(scans[position], settings.field_of_view_deg)
+        reference, fits = position, segment_planes(points_m, seed=settings.random_seed)
     fits = distinct(fits, scan_points(scans[reference], settings.field_of_view_deg))
     still = [reference]
     if len(fits) >= SEARCH.fewest_planes:

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
+from calib_core.events import ignore_event, never_cancel
+from calib_core.full.initialise import given_frame
+from calib_core.full.initialise.given_frame import in_the_tracks_frame
+from calib_core.full.initialise.kept import follow_or_recall
+from calib_core.full.odometry.reference import Followed
 from calib_core.full.planes.propose import find_reference
+from calib_core.full.prepare.prepare import prepare
+from calib_core.full.run import Run
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Plane, Recording, Scan
@@ -64,3 +72,47 @@ def test_planes_are_told_and_taken_in_the_first_scans_frame(blind: tuple[Recordi
     assert any(said.code == "planes.frame" for said in chosen.messages)
     assert {plane.name for plane in chosen.quality.planes} == {plane.name for plane in truth.planes}
     assert np.linalg.norm(np.array(chosen.T_imu_lidar.matrix)[:3, 3] - truth.p_imu_lidar) < 0.03
+
+
+def _run(recording: Recording) -> Run:
+    return prepare(recording, SETTINGS, ignore_event, never_cancel)
+
+
+def test_the_track_begins_where_the_planes_are_where_none_carries_them(blind: tuple[Recording, Truth]) -> None:
+    """A second and a half without a point lies between the first scan and that of the proposals: no track goes from one to the
+    other. Oracle: the planes given, bit for bit, and the scan that they are in.
+
+    Mutations: planes that nothing carries left as they are, in the other scan's frame; the track begun there all the same.
+    """
+    recording, truth = blind
+    dark = range(BLIND - 1, BLIND + 14)
+    scans = [replace(s, points=s.points[:0]) if k in dark else s for k, s in enumerate(recording.scans)]
+    run = _run(replace(recording, scans=scans))
+    assert find_reference(scans, SETTINGS)[0] not in range(BLIND)
+    given = [replace(plane, suggested=False) for plane in truth.planes]
+    planes, begins = in_the_tracks_frame(run, given)
+    assert begins == 0
+    assert planes == given
+    followed = follow_or_recall(_run(recording), given, None, begins)
+    assert followed.reference == 0
+
+
+def test_the_track_begins_where_the_planes_are_where_one_carries_them_astray(
+    blind: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Half of what the first scan shows has to lie on the planes in the other scan, too.
+
+    Mutation: planes taken as carried wherever a track goes.
+    """
+    run, given = _run(blind[0]), [replace(plane, suggested=False) for plane in blind[1].planes]
+    assert in_the_tracks_frame(run, given).begins is None
+    truly = given_frame.begin
+
+    def astray(*args: Any) -> Followed:
+        followed = truly(*args)
+        return replace(followed, motions=[replace(m, p=m.p + np.array([0.7, -0.6, 0.5])) for m in followed.motions])
+
+    monkeypatch.setattr(given_frame, "begin", astray)
+    planes, begins = in_the_tracks_frame(run, given)
+    assert begins == 0
+    assert planes == given

@@ -97,6 +97,15 @@ def test_a_choice_of_the_planes_found_follows_nothing_anew(
     assert following.times == times
 
 
+def test_a_track_that_began_elsewhere_is_not_recalled(run: Run, following: Following, tmp_path: Path) -> None:
+    """Planes of the first scan may have told it to begin there. Mutations: where it began not written; not compared."""
+    follow_or_recall(run, [WALL], tmp_path, 0)
+    follow_or_recall(run, [WALL], tmp_path, 0)
+    assert following.times == 1
+    follow_or_recall(run, [WALL], tmp_path)
+    assert following.times == 2
+
+
 def test_a_map_of_another_scan_is_not_that_of_a_choice(run: Run, following: Following, tmp_path: Path) -> None:
     """Nor is an untouched suggestion one. Mutations: `left` not looked at; all that is given a choice."""
     following.leaves = True
@@ -147,6 +156,6 @@ def test_without_a_folder_nothing_is_kept(run: Run, monkeypatch: pytest.MonkeyPa
     """Mutation: a folder of its own choice."""
     monkeypatch.chdir(tmp_path)
     moved = Following().begin(run, None, Following().propose())
-    monkeypatch.setattr(kept, "begin", lambda run, given: replace(moved, planes=[WALL]))
+    monkeypatch.setattr(kept, "begin", lambda *_: replace(moved, planes=[WALL]))
     assert follow_or_recall(replace(run, on_event=ignore_event), None, None).planes == [WALL]
     assert list(tmp_path.iterdir()) == []
