@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -132,8 +130,9 @@ def test_axes_that_fit_better_by_chance_are_no_flipped_ones(
         return np.full(6, 0.1)
 
     monkeypatch.setattr(units, "_misfits", misfits)
-    nothing: Any = (np.zeros((0, 3)), np.zeros((0, 3)), [])
-    found = units._mirrored_axes(nothing, 1.0, 0.2, "/imu")
+    level = np.tile([0.0, 0.0, 1.0], (6, 1))
+    tilting = units._Windows(level, level, level, [np.array([[0.2, 0.0, 0.0]])] * 6)
+    found = units._mirrored_axes(tilting, 1.0, 0.2, "/imu")
     assert (found is not None) == called
 
 
@@ -217,3 +216,17 @@ def test_nothing_usable_is_a_sentence() -> None:
     """Mutation: let np.median of nothing through."""
     with pytest.raises(InputError, match=r"holds 0 usable readings.*\.$"):
         clean_imu(raw(np.full((5, 3), np.nan), np.zeros((5, 3))), ReadSettings(), "/imu")
+
+
+def test_a_robot_that_only_steers_flips_no_axis() -> None:
+    """It turns about the vertical by 1 rad/s while it is drawn around twice as fast: felt from aboard, what draws it turns with
+    the gyroscope's sign, where a thing that stands still, gravity, would turn against it. None of that tilts it.
+
+    Mutation: a flip told by windows that do not tilt.
+    """
+    rng = np.random.default_rng(0)
+    t = np.arange(4000) / RATE
+    yaw = np.tile([0.0, 0.0, 1.0], (len(t), 1)) + rng.normal(0, 0.002, (len(t), 3))
+    drawn = np.stack([1.5 * np.cos(t), 1.5 * np.sin(t), np.full(len(t), 9.81)], axis=1)
+    found = clean_imu(raw(yaw, drawn + rng.normal(0, 0.02, drawn.shape)), ReadSettings(), "/imu").findings
+    assert not any(finding.code == "imu.axis_signs" for finding in found)
