@@ -45,8 +45,8 @@ _BETTER, _NEARER = 0.6, 0.6
 #: An axis is named only where its flip leaves less than this, and the next best pattern more by this factor.
 _NAMES_RAD, _NAMES_TIMES = 0.15, 1.1
 #: A flip is told by gravity's turning where the gyroscope sees at least half of that turning about axes that tilt the rig. A car
-#: or a robot hardly tilts, and its accelerations turn as it steers: of 56 drawn ones whose axes are right two were called flipped,
-#: at 0.21 and 0.40; of 32 held by hand or worn, 20 are above 0.7, and those below 0.5 tell no flip anyway.
+#: or a robot hardly tilts, and its accelerations turn as it steers: of 56 drawn ones whose axes are right two were called
+#: flipped, at 0.21 and 0.40; of 32 held by hand or worn, 20 are above 0.7, and those below 0.5 tell no flip anyway.
 _TILTING = 0.5
 
 
