@@ -10,7 +10,7 @@ decide: it came to rest only after dozens of rounds, and one parameter of a lida
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -19,7 +19,7 @@ import scipy
 from calib_core.factors.lidar_plane import Hits, cells_of, grids
 from calib_core.factors.patch_kernels import between_kernel
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Bends are metres long: lines between heights this far apart leave (2 pi w / l)^2 / 8 of a wave of length l, a fifth of 3 m
 #: (0.8 m apart they left a third, which turned the answer by up to two sigmas). A house has more square metres than a room: no
@@ -65,6 +65,13 @@ class SurfacePatches:
         half = self.number.shape[1] // 2
         places = np.argwhere(self.number >= 0)
         return tuple(f"{plane + 1}:{row - half},{column - half}" for plane, row, column in places)
+
+    def without(self, planes: BoolArray) -> SurfacePatches:
+        """Those of the other planes, in the same order. planes: (P,) which have none."""
+        kept = (self.number >= 0) & ~planes[:, None, None]
+        number = np.full(self.number.shape, -1)
+        number[kept] = np.arange(int(kept.sum()))
+        return replace(self, number=number)
 
     def whitener(self, std_m: float, alike_m: float) -> FloatArray:
         """(count, count) W, lower triangular, of heights h: W h is white where they are std_m large and, on one plane, correlated

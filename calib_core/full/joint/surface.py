@@ -18,14 +18,15 @@ from calib_core.full.joint.settle import Near
 from calib_core.full.joint.state import CALIBRATION
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.geometry import log
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 
 def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling: Sampling) -> Estimation:
-    """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given.
+    """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given, or one alone
+    is not flat.
 
-    And where one of them is no plane beside the others, as somebody may choose, or one alone is not flat: heights would make
-    a wall of what is a box before one, and nothing would be said of it any more.
+    One that is no plane beside the others, as somebody may choose, stays flat: heights would make a wall of what is a box before
+    one, and nothing would be said of it any more. The others have theirs all the same: what it does not fit may be their shape.
     """
     if state.support is None or state.nuisance.patches or not data.run.settings.estimate_planes:
         return state
@@ -35,8 +36,14 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
         return state
     weight, off = patch_sums(data, state, patches, sampling)
     bend_m = bend_of_several_m(patches.planes, weight, off, rules)
-    if bend_m < rules.least_m or (plane_doubts(gathered(data, state), state.estimate) > 1.0).any():
+    if bend_m < rules.least_m:
         return state
+    is_doubtful: BoolArray = (plane_doubts(gathered(data, state), state.estimate) > 1.0).any(axis=1)
+    if is_doubtful.any():
+        rest = ~is_doubtful[patches.planes]
+        patches = patches.without(is_doubtful)
+        if patches.count < 2 or bend_of_several_m(patches.planes, weight[rest], off[rest], rules) < rules.least_m:
+            return state
     nuisance = state.nuisance.with_surface(patches, rules.height_std_m, rules.alike_m)
     return state.with_nuisance(nuisance, np.append(state.estimate.nuisance, np.zeros(patches.count)))
 
