@@ -46,8 +46,8 @@ def calibrate_published(recording: Recording, question: Question) -> Answer:
 def _answer(solution: PaperSolution) -> Answer:
     information = np.asarray(np.linalg.inv(solution.covariance), dtype=np.float64)
     information = information + np.diag(1.0 / np.array(BEGINNING.standing_std) ** 2)
-    rows = tuple(PriorRow(i, 0.0, std) for i, std in enumerate(BEGINNING.standing_std))
-    knowledge = assess(information, Priors(solution.R_imu_lidar, rows, solution.gravity_m_s2, 0.0))
+    standing = tuple(PriorRow(i, 0.0, std) for i, std in enumerate(BEGINNING.standing_std))
+    knowledge = assess(information, Priors(solution.R_imu_lidar, standing, solution.gravity_m_s2, 0.0))
     findings = [Message(code=f.code, level=f.level, text=f.text) for f in solution.messages]
     return Answer(
         R_imu_lidar=solution.R_imu_lidar,

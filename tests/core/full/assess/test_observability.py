@@ -18,7 +18,7 @@ STANDING = tuple(PriorRow(i, 0.0, std) for i, std in enumerate([1.0] * 3 + [10.0
 
 
 def _priors(*extra: PriorRow) -> Priors:
-    return Priors(np.eye(3), (*STANDING, *extra), 9.8, 0.02)
+    return Priors(np.eye(3), STANDING, 9.8, 0.02, given=extra)
 
 
 def _information(spread: FloatArray, directions: FloatArray, priors: Priors) -> FloatArray:

@@ -29,7 +29,7 @@ KNOWN = np.full(7, 100.0)
 
 
 def priors(*own: PriorRow, held: tuple[Held, ...] = ()) -> Priors:
-    return Priors(np.eye(3), (*STANDING_ROWS, *own), 9.81, 0.01, held=held)
+    return Priors(np.eye(3), STANDING_ROWS, 9.81, 0.01, given=own, held=held)
 
 
 def knowing(tz_mm: float) -> FloatArray:
