@@ -12,6 +12,7 @@ from calib_core.document import Answer, Question
 from calib_core.errors import Refused
 from calib_core.events import LogEvent
 from calib_core.full.assess.observability import assess
+from calib_core.full.assess.weak_sentences import weak_directions
 from calib_core.full.joint.begin import BEGINNING
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.paper.calibrate import calibrate_paper
@@ -60,7 +61,7 @@ def _answer(solution: PaperSolution) -> Answer:
         covariance=knowledge.covariance,
         is_weak=knowledge.is_weak,
         weak_axes=knowledge.weak_axes,
-        weak_directions=knowledge.weak,
+        weak_directions=weak_directions(knowledge),
         advice=(),
         rms_m=solution.rms_m,
         points_used=solution.points_used,

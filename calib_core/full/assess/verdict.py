@@ -11,12 +11,13 @@ from calib_core.full.assess.doubtful_choice import say_doubtful_choice
 from calib_core.full.assess.given import PLANES
 from calib_core.full.assess.gyroscope import gyroscope_axes
 from calib_core.full.assess.materials import told_materials
-from calib_core.full.assess.observability import Knowledge, advice
+from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.parts import parts_of
 from calib_core.full.assess.plausibility import gravity_std, implausible
 from calib_core.full.assess.sensors import sensor_findings, told_cost
 from calib_core.full.assess.settings import PLAUSIBLE
 from calib_core.full.assess.shifts import told_considered
+from calib_core.full.assess.weak_sentences import advice, weak_directions
 from calib_core.full.initialise.profile import offset_profile
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import Solved
@@ -77,6 +78,7 @@ def require_rotation(knowledge: Knowledge) -> None:
 def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Answer:
     """The answer in the map frame, as the document wants it. lidar: as it was followed before the solve."""
     e, knowledge = solved.estimate, trust.knowledge
+    weak = weak_directions(knowledge)
     sensors = sensor_findings(solved, trust.considered, trust.sensors_unexplained)
     counted = told_considered(sensors.parameters, knowledge.covariance)
     told = (*sensors.sentences, *told_materials(solved), *counted, *told_cost(run, solved, trust.considered))
@@ -96,7 +98,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         covariance=knowledge.covariance,
         is_weak=knowledge.is_weak or trust.is_torn or any(each.bends for each in trust.contradicted),
         weak_axes=knowledge.weak_axes,
-        weak_directions=knowledge.weak,
+        weak_directions=weak,
         advice=tuple(said.text for said in advice(knowledge, turning_std_rad_s, e.R_imu_lidar)),
         rms_m=float(np.sqrt(sum(p.rms_m**2 * p.points for p in planes) / max(total, 1))),
         points_used=total,
@@ -106,7 +108,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         iterations=solved.iterations,
         trajectory=trajectory_of(run.clocks, solved),
         remarks=(
-            *(Message(code="observability.weak", level="warning", text=d.text) for d in knowledge.weak),
+            *(Message(code="observability.weak", level="warning", text=d.text) for d in weak),
             *(Message(code=code, level="info", text=text) for code, text in told),
         ),
         intrinsics=sensors.parameters,

@@ -39,10 +39,10 @@ class Priors:
     """Statements that are not measurements of this recording.
 
     R_reference: rotation priors are turns away from it.   gravity_m_s2, gravity_std_m_s2: std 0 fixes the magnitude.
-    standing: on calibration columns 0..6, as wide as keeps every number finite.   given: on the same columns, what a person knows;
-    the recording is held against these (assess/given.py).   bias walk densities: per sqrt(s); 0 with a single node.
-    nuisance_std: (N,) of the sensors' own parameters about those of ideal ones.   whiteners: of those that are correlated their
-    place among them, and (n, n) that makes them white.
+    standing: on calibration columns 0..6, so wide that they only keep every number finite.   given: on the same columns, what a
+    person knows, which the recording is held against (assess/given.py).   bias walk densities: per sqrt(s); 0 with a single
+    node.   nuisance_std: (N,) of the sensors' own parameters about those of ideal ones.   whiteners: of those that are correlated
+    their place among them, and (n, n) that makes them white.
     """
 
     R_reference: FloatArray
@@ -88,7 +88,9 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
         _of_calibration(priors, estimate, layout),
         _of_gravity(priors, estimate, layout),
         _of_biases(estimate.gyro_bias, layout.gyro_bias(), layout, nodes, priors.gyro_bias_std_rad_s, priors.gyro_walk),
-        _of_biases(estimate.accel_bias, layout.accel_bias(), layout, nodes, priors.accel_bias_std_m_s2, priors.accel_walk),
+        _of_biases(
+            estimate.accel_bias, layout.accel_bias(), layout, nodes, priors.accel_bias_std_m_s2, priors.accel_walk
+        ),
         _of_sensors(priors, estimate, layout),
         *(_together(estimate, layout, place, whitener) for place, whitener in priors.whiteners),
     ]
