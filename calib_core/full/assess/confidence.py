@@ -95,13 +95,13 @@ def _considered(run: Run, solved: Solved) -> Considered | None:
 def _contradicted(
     run: Run, solved: Solved, plain: Knowledge, budget: ErrorBudget, found: Sequence[Disagreement]
 ) -> tuple[Contradiction, ...]:
-    """What was given or held, and is wrong by more than what the recording says may be. plain: of noise alone."""
+    """What was given or held, and is wrong by more than the budget has for what the recording says. plain: of noise alone."""
     priors = solved.problem.priors
     given = contradictions(
         priors.given,
         priors.calibration_vector(solved.estimate),
         np.sqrt(np.diag(plain.covariance)),
-        np.diag(budget.beyond_noise) * UNITS**2,
+        np.diag(budget.beyond_noise) * UNITS**2 + np.diag(budget.part("clocks").covariance),
     )
     wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
     return (*given, *held_contradictions(run, solved, wider))
