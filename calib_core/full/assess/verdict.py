@@ -78,14 +78,13 @@ def require_rotation(knowledge: Knowledge) -> None:
 def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Answer:
     """The answer in the map frame, as the document wants it. lidar: as it was followed before the solve."""
     e, knowledge = solved.estimate, trust.knowledge
-    weak = weak_directions(knowledge)
     sensors = sensor_findings(solved, trust.considered, trust.sensors_unexplained)
     counted = told_considered(sensors.parameters, knowledge.covariance)
     told = (*sensors.sentences, *told_materials(solved), *counted, *told_cost(run, solved, trust.considered))
     imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
     rate = run.recording.imu.gyro_rad_s
     turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))
-    planes = plane_qualities(solved)
+    planes, weak = plane_qualities(solved), weak_directions(knowledge)
     total = sum(plane.points for plane in planes)
     return Answer(
         R_imu_lidar=e.R_imu_lidar,
