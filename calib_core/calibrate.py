@@ -15,7 +15,7 @@ from calib_core.document import Answer, Heard, Question, document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.clock_step import Sides, clock_step, misfit, turning_within
-from calib_core.full.assess.confidence import DISAGREEMENT
+from calib_core.full.assess.error_budget import DISAGREEMENT
 from calib_core.full.assess.imu_silence import imu_silence
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT, borne_out
 from calib_core.full.assess.settings import CLOCK_STEP

@@ -14,6 +14,7 @@ from calib_core.doctor.sampling import SampledScans
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT, borne_out
+from calib_core.full.assess.weak_sentences import weak_directions
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
 from calib_core.full.planes.standing import SEEMS, Fault
 from calib_core.kinds import kind_of, names_of
@@ -175,7 +176,7 @@ def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> 
     return Forecast(
         text=text,
         parameters=parameters,
-        weak=tuple(direction.text for direction in knowledge.weak),
+        weak=tuple(direction.text for direction in weak_directions(knowledge)),
         planes=names,
         advice=tuple(said.text for said in outlook.advice),
         covered_s=round(outlook.covered_s, 2),

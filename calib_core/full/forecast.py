@@ -21,8 +21,9 @@ from scipy.linalg import null_space
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.factors.lidar_plane import Gate
-from calib_core.full.assess.observability import Advice, Knowledge, advice, assess
+from calib_core.full.assess.observability import Knowledge, assess
 from calib_core.full.assess.verdict import require_rotation
+from calib_core.full.assess.weak_sentences import Advice, advice
 from calib_core.full.foresight import Foresight, foresight
 from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise

@@ -92,6 +92,11 @@ class Clocks:
         return math.hypot(self.sieve_std_s, *(step.std_s for step in self.steps))
 
     @property
+    def offset_std_s(self) -> float:
+        """What the time offset is unsure by for all that the stamps themselves are off, of which no residual knows."""
+        return float(np.hypot(self.line.mean_std_s, self.steps_std_s))
+
+    @property
     def middle_s(self) -> float:
         """The lidar's time, in the middle of the recording, at which the time offset holds where the clocks' rates differ."""
         return 0.5 * float(self.scan_s[0] + self.scan_s[-1])

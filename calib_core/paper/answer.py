@@ -12,6 +12,7 @@ from calib_core.document import Answer, Question
 from calib_core.errors import Refused
 from calib_core.events import LogEvent
 from calib_core.full.assess.observability import assess
+from calib_core.full.assess.weak_sentences import weak_directions
 from calib_core.full.joint.begin import BEGINNING
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.paper.calibrate import calibrate_paper
@@ -46,8 +47,8 @@ def calibrate_published(recording: Recording, question: Question) -> Answer:
 def _answer(solution: PaperSolution) -> Answer:
     information = np.asarray(np.linalg.inv(solution.covariance), dtype=np.float64)
     information = information + np.diag(1.0 / np.array(BEGINNING.standing_std) ** 2)
-    rows = tuple(PriorRow(i, 0.0, std) for i, std in enumerate(BEGINNING.standing_std))
-    knowledge = assess(information, Priors(solution.R_imu_lidar, rows, solution.gravity_m_s2, 0.0))
+    standing = tuple(PriorRow(i, 0.0, std) for i, std in enumerate(BEGINNING.standing_std))
+    knowledge = assess(information, Priors(solution.R_imu_lidar, standing, solution.gravity_m_s2, 0.0))
     findings = [Message(code=f.code, level=f.level, text=f.text) for f in solution.messages]
     return Answer(
         R_imu_lidar=solution.R_imu_lidar,
@@ -60,7 +61,7 @@ def _answer(solution: PaperSolution) -> Answer:
         covariance=knowledge.covariance,
         is_weak=knowledge.is_weak,
         weak_axes=knowledge.weak_axes,
-        weak_directions=knowledge.weak,
+        weak_directions=weak_directions(knowledge),
         advice=(),
         rms_m=solution.rms_m,
         points_used=solution.points_used,

@@ -1,4 +1,8 @@
-"""How far the answer can be trusted: the information's covariance, what is counted beside it, and what parts disagree about."""
+"""How far the answer can be trusted: the budget of its errors made (error_budget.py), said, and the answer's covariance of it.
+
+The page in order: what the residuals tell, what sensors that were held add, what parts of the recording disagree about; all of it
+in one budget; what was given beforehand held against that; what a person is told (budget_sentences.py); what is known by it all.
+"""
 
 from __future__ import annotations
 
@@ -7,47 +11,37 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from calib_core.full.assess.budget_sentences import say_clocks, say_disagreement, say_shapes
 from calib_core.full.assess.considered import Considered, consider
 from calib_core.full.assess.disagreement import (
     Apart,
     Disagreement,
     disagreements,
+    is_torn,
     take_apart,
-    together,
     unexplained_variance,
 )
+from calib_core.full.assess.error_budget import ErrorBudget, in_scaled
 from calib_core.full.assess.given import Contradiction, contradictions, held_contradictions, say_contradictions
-from calib_core.full.assess.observability import Knowledge, assess, named_direction
-from calib_core.full.assess.settings import PARTS
+from calib_core.full.assess.observability import Knowledge, assess
 from calib_core.full.joint.by_laser import ByLaser, by_laser
 from calib_core.full.joint.estimation import Solved
-from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET
 from calib_core.full.joint.undetermined import UNITS
-from calib_core.full.prepare.settings import STEPS
 from calib_core.full.run import Run
 from calib_core.types import FloatArray
-
-#: The code of what is said of parts that disagree by more than noise explains.
-DISAGREEMENT = "solve.disagreement"
-#: The ways of taking a recording apart, to a person.
-_WORDS = {
-    "time": "stretches of time",
-    "surfaces": "places on the planes",
-    "planes": "planes",
-    "range": "near and far points",
-    "lasers": "lasers",
-}
 
 
 @dataclass(frozen=True)
 class Confidence:
-    """knowledge: with everything counted.   considered: None where the sensors' parameters were estimated, or are none.
+    """knowledge: with everything counted.   budget: what was counted.   considered: None where the sensors' parameters were
+    estimated, or are none.
 
     apart: the parts that were compared.   contradicted: what was given beforehand and is wrong.   sensors_unexplained: (N,) what
     noise does not explain of the variances of the sensors' parameters that were estimated.
     """
 
     knowledge: Knowledge
+    budget: ErrorBudget
     considered: Considered | None
     found: tuple[Disagreement, ...]
     apart: Apart
@@ -61,67 +55,56 @@ class Confidence:
 
 
 def confidence(run: Run, solved: Solved) -> Confidence:
-    """Of a solved recording; says where its parts disagree.
+    """Of a solved recording; says what widens the answer, and what was given that it contradicts.
 
     Raises NotPositiveDefinite.
     """
     assert solved.minimum.solution is not None
-    information = solved.minimum.solution.information
-    frozen = not run.settings.estimate_time_offset
-    priors, problem, estimate = solved.problem.priors, solved.problem, solved.estimate
-    plain = assess(information, priors, frozen_offset=frozen)
-    considered = None
-    added: FloatArray = np.zeros((7, 7))
-    sensors = solved.nuisance.sensors
-    if sensors.blocks and run.settings.intrinsics == "consider":
-        considered = consider(problem, estimate, sensors.prior_std)
-        added = considered.added
-    stated = plain.covariance / UNITS / UNITS[:, None]
+    information, frozen = solved.minimum.solution.information, not run.settings.estimate_time_offset
+    problem, estimate = solved.problem, solved.estimate
+    plain = assess(information, problem.priors, frozen_offset=frozen)
+    noise = in_scaled(plain.covariance)
+    considered = _considered(run, solved)
     apart = take_apart(problem, estimate, by_laser(solved), eliminated=solved.shared.kept)
-    found = tuple(disagreements(apart, stated))
-    beyond = together([each for each in found if each.is_beyond_noise], stated + added)
-    added = added + shape_covariance(run, solved.state.shape_shift, stated + added + beyond)
-    contradicted = contradictions(
-        priors.rows[CALIBRATION:],
-        priors.calibration_vector(estimate),
-        np.sqrt(np.diag(plain.covariance)),
-        np.diag(added + beyond) * UNITS**2,
-    )
-    wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
-    contradicted += held_contradictions(run, solved, wider)
+    found = tuple(disagreements(apart, noise))
+    clocks_std_s = 0.0 if frozen else run.clocks.offset_std_s
+    budget = ErrorBudget.of(noise, considered, solved.state.shape_shift, found, clocks_std_s)
+    say_shapes(run, solved.state.shape_shift, budget.beside_shapes)
+    contradicted = _contradicted(run, solved, plain, budget, found)
     say_contradictions(run, contradicted)
-    if beyond.any():
-        _say(run, found, beyond)
+    say_disagreement(run, found, budget.disagreement)
     knowledge = assess(
-        information,
-        priors,
-        frozen_offset=frozen,
-        offset_std_s=float(np.hypot(run.clocks.line.mean_std_s, run.clocks.steps_std_s)),
-        added=added + beyond,
+        information, problem.priors, frozen_offset=frozen, offset_std_s=clocks_std_s, added=budget.beyond_noise
     )
     if not frozen:
-        _say_steps(run, knowledge)
-    unexplained = _sensors_unexplained(run, solved, found) if considered is None else np.zeros(sensors.size)
-    return Confidence(knowledge, considered, found, apart, tuple(contradicted), unexplained)
+        say_clocks(run, knowledge)
+    unexplained = (
+        _sensors_unexplained(run, solved, found) if considered is None else np.zeros(solved.nuisance.sensors.size)
+    )
+    return Confidence(knowledge, budget, considered, found, apart, contradicted, unexplained)
 
 
-def shape_covariance(run: Run, shift: FloatArray, stated: FloatArray) -> FloatArray:
-    """(7, 7), scaled units, of what shapes of planes that could not be estimated along may do to the answer: one standard
-    deviation is as far as it went with them. Says so where that is as much as is stated in any direction.
+def _considered(run: Run, solved: Solved) -> Considered | None:
+    """What the sensors' parameters do that were to be counted and not estimated; None where none were."""
+    sensors = solved.nuisance.sensors
+    if not sensors.blocks or run.settings.intrinsics != "consider":
+        return None
+    return consider(solved.problem, solved.estimate, sensors.prior_std)
 
-    shift: (7,) [rad, m, s].   stated: (7, 7), scaled units, without it.
-    """
-    scaled = shift / UNITS
-    if scaled @ np.linalg.lstsq(stated, scaled, rcond=None)[0] >= 1.0:
-        turned_deg, moved_mm = np.degrees(np.linalg.norm(shift[:3])), 1e3 * np.linalg.norm(shift[3:6])
-        run.say(
-            "warning",
-            "planes.shape",
-            "planes are off flat, and their shape could not be estimated along, as it did not come to rest; the answer went by "
-            f"{turned_deg:.2g} deg and {moved_mm:.2g} mm with it, and the error bars are widened by that; choose planes that are "
-            "flat and stand still, or record where there are such",
-        )
-    return np.outer(scaled, scaled)
+
+def _contradicted(
+    run: Run, solved: Solved, plain: Knowledge, budget: ErrorBudget, found: Sequence[Disagreement]
+) -> tuple[Contradiction, ...]:
+    """What was given or held, and is wrong by more than the budget has for what the recording says. plain: of noise alone."""
+    priors = solved.problem.priors
+    given = contradictions(
+        priors.given,
+        priors.calibration_vector(solved.estimate),
+        np.sqrt(np.diag(plain.covariance)),
+        np.diag(budget.beyond_noise) * UNITS**2 + np.diag(budget.part("clocks").covariance),
+    )
+    wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
+    return (*given, *held_contradictions(run, solved, wider))
 
 
 def _sensors_unexplained(run: Run, solved: Solved, found: Sequence[Disagreement]) -> FloatArray:
@@ -141,28 +124,3 @@ def _sensors_unexplained(run: Run, solved: Solved, found: Sequence[Disagreement]
     if problem.sensors.clock_place >= 0:
         variance[problem.sensors.clock_place] += run.clocks.line.rate_std_ppm**2
     return variance
-
-
-def is_torn(found: Sequence[Disagreement]) -> bool:
-    """Whether stretches of time contradict each other. Walls that are not flat have their places disagree, not time."""
-    return any(each.name == "time" and each.is_beyond_noise and each.ratio > PARTS.torn for each in found)
-
-
-def _say_steps(run: Run, knowledge: Knowledge) -> None:
-    steps_std_s = run.clocks.steps_std_s
-    else_std_s = np.sqrt(max(knowledge.covariance[TIME_OFFSET, TIME_OFFSET] - steps_std_s**2, 0.0))
-    if steps_std_s > STEPS.worth_saying * else_std_s:
-        for step in run.clocks.steps:
-            run.say("warning", "clock.coarse", step.text)
-
-
-def _say(run: Run, found: tuple[Disagreement, ...], beyond: FloatArray) -> None:
-    torn = ", and may be too narrow all the same: do not rely on them, and record again" if is_torn(found) else ""
-    parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
-    lasers = "lasers that read short or long, " if any(d.name == "lasers" and d.is_beyond_noise for d in found) else ""
-    run.say(
-        "warning",
-        DISAGREEMENT,
-        f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "
-        f"gives, {lasers}or a fault that nothing models; the error bars are widened, most for {named_direction(beyond)}{torn}",
-    )

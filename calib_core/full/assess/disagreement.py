@@ -14,7 +14,7 @@ bent by the same walls, each by its own pulls.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,6 +146,11 @@ def disagreements(apart: Apart, covariance: FloatArray) -> list[Disagreement]:
     if whiten.shape[1] == 0:
         return []
     return [judge(name, each, whiten, root) for name, each in apart.clusters.items()]
+
+
+def is_torn(found: Sequence[Disagreement]) -> bool:
+    """Whether stretches of time contradict each other. Walls that are not flat have their places disagree, not time."""
+    return any(each.name == "time" and each.is_beyond_noise and each.ratio > PARTS.torn for each in found)
 
 
 def roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -72,7 +72,8 @@ def contradictions(
 def held_contradictions(run: Run, solved: Solved, wider: float) -> list[Contradiction]:
     """Of a time offset, a magnitude of gravity and planes that were held fixed: those that the recording would have elsewhere.
 
-    Let go, the problem takes one step from where it came to rest. wider: by which the parts of the recording disagree.
+    Let go, the problem takes one step from where it came to rest. wider: by which the parts of the recording disagree. Of what
+    stamps are off by no part knows: the time offset that they tell is unsure by that, too.
     """
     settings, estimate = run.settings, solved.estimate
     holds_offset, holds_gravity = not settings.estimate_time_offset, settings.gravity.std_m_s2 == 0.0
@@ -96,7 +97,8 @@ def held_contradictions(run: Run, solved: Solved, wider: float) -> list[Contradi
     step = known @ pull
     up = estimate.gravity / np.linalg.norm(estimate.gravity)
     gravity_m_s2, gravity_std = float(up @ step[GRAVITY]), float(np.sqrt(up @ known[GRAVITY, GRAVITY] @ up))
-    offset_s, offset_std_s = float(step[TIME_OFFSET]), float(np.sqrt(known[TIME_OFFSET, TIME_OFFSET]))
+    offset_s = float(step[TIME_OFFSET])
+    offset_std_s = float(np.hypot(np.sqrt(known[TIME_OFFSET, TIME_OFFSET]), run.clocks.offset_std_s / wider))
     told = []
     if holds_offset:
         told += [Contradiction(NAMES[TIME_OFFSET], f"{1e3 * abs(offset_s):.3g} ms", abs(offset_s) / offset_std_s)]

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.factors.imu import link_factors
-from calib_core.factors.laser_features import feature_changes
 from calib_core.factors.planes_seen import OF_CALIBRATION, OF_CLOCK, OF_KNOT, OF_PLANE
 from calib_core.full.assess.kernels import (
     add_influences_kernel,
@@ -32,6 +31,7 @@ from calib_core.full.assess.kernels import (
 )
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
+from calib_core.full.joint.equations import link_biases
 from calib_core.full.joint.lidar_factors import LidarFactors
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
@@ -154,14 +154,7 @@ def _influences(of: _Responses, told_apart: Iterable[ByLaser], covariance: Float
 
 def _of_links(of: _Responses) -> Influences:
     problem, estimate, layout, along, border = of.problem, of.estimate, of.layout, of.along, of.border
-    gyro, accel = (
-        problem.nodes.at_links(border[columns].reshape(-1, 3 * of.unknowns)).reshape(-1, 3, of.unknowns)
-        for columns in (layout.gyro_bias(), layout.accel_bias())
-    )
-    places = problem.sensors.imu_places
-    if len(places):
-        own = border[layout.nuisance()][places]
-        gyro, accel = gyro + problem.sensors.gyro @ own, accel + problem.sensors.accel @ own
+    gyro, accel = link_biases(border, layout, problem.nodes, problem.sensors)
     changes = problem.bias_changes(estimate)
     out, links = Influences.none(len(gyro), of.unknowns, alone=of.alone), problem.seen_links(estimate)
 
@@ -189,7 +182,7 @@ def _of_bins(of: _Responses) -> Influences:
     out, lasers = Influences.none(len(bins.knot), of.unknowns, alone=of.alone), bins.lasers
     rates = problem.lidar.rates(of.estimate)
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
-    F, change = _feature_response(problem.lidar, of), _feature_change(problem.lidar, of)
+    F, change = _features(problem.lidar, of)
     knots = len(of.along)
 
     def one(first: int) -> None:
@@ -222,7 +215,7 @@ def _of_lasers(of: _Responses, told_apart: Iterable[ByLaser]) -> Influences:
         lidar, bins = part.factors, part.factors.bins
         a, J = lidar.bins_seen(of.estimate)
         Q = _response(J, bins.knot, bins.plane, of)
-        F, change = _feature_response(lidar, of), _feature_change(lidar, of)
+        F, change = _features(lidar, of)
         laser_influences_kernel(
             bins.lasers.bin, bins.lasers.laser, bins.lasers.cross, a, Q, F, change, out.moved, out.allowed,
         )  # fmt: skip
@@ -243,15 +236,8 @@ def _response(J: FloatArray, knot: IntArray, plane: IntArray, of: _Responses) ->
     return np.asarray(out)
 
 
-def _feature_response(lidar: LidarFactors, of: _Responses) -> FloatArray:
-    """(lasers, F, N) what the coefficients of each laser's features follow of them."""
-    places = lidar.sensors.laser_places
-    columns = np.vstack(
-        [of.border[of.layout.nuisance()], np.zeros(of.unknowns)]
-    )  # the last is of what is not in play, -1
-    return feature_changes(columns[places], lidar.bins.lasers.features)
-
-
-def _feature_change(lidar: LidarFactors, of: _Responses) -> FloatArray:
-    """(lasers, F) by how much they have changed since the points were laid out."""
-    return feature_changes(lidar.laser_changes(of.estimate), lidar.bins.lasers.features)
+def _features(lidar: LidarFactors, of: _Responses) -> tuple[FloatArray, FloatArray]:
+    """What the coefficients of each laser's features follow of the unknowns' columns, (lasers, F, N), and by how much they have
+    changed since the points were laid out, (lasers, F).
+    """
+    return lidar.features_following(of.border[of.layout.nuisance()]), lidar.features_changed(of.estimate)

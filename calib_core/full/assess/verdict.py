@@ -11,12 +11,13 @@ from calib_core.full.assess.doubtful_choice import say_doubtful_choice
 from calib_core.full.assess.given import PLANES
 from calib_core.full.assess.gyroscope import gyroscope_axes
 from calib_core.full.assess.materials import told_materials
-from calib_core.full.assess.observability import Knowledge, advice
+from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.parts import parts_of
 from calib_core.full.assess.plausibility import gravity_std, implausible
 from calib_core.full.assess.sensors import sensor_findings, told_cost
 from calib_core.full.assess.settings import PLAUSIBLE
 from calib_core.full.assess.shifts import told_considered
+from calib_core.full.assess.weak_sentences import advice, weak_directions
 from calib_core.full.initialise.profile import offset_profile
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import Solved
@@ -83,7 +84,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
     imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
     rate = run.recording.imu.gyro_rad_s
     turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))
-    planes = plane_qualities(solved)
+    planes, weak = plane_qualities(solved), weak_directions(knowledge)
     total = sum(plane.points for plane in planes)
     return Answer(
         R_imu_lidar=e.R_imu_lidar,
@@ -96,7 +97,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         covariance=knowledge.covariance,
         is_weak=knowledge.is_weak or trust.is_torn or any(each.bends for each in trust.contradicted),
         weak_axes=knowledge.weak_axes,
-        weak_directions=knowledge.weak,
+        weak_directions=weak,
         advice=tuple(said.text for said in advice(knowledge, turning_std_rad_s, e.R_imu_lidar)),
         rms_m=float(np.sqrt(sum(p.rms_m**2 * p.points for p in planes) / max(total, 1))),
         points_used=total,
@@ -106,7 +107,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         iterations=solved.iterations,
         trajectory=trajectory_of(run.clocks, solved),
         remarks=(
-            *(Message(code="observability.weak", level="warning", text=d.text) for d in knowledge.weak),
+            *(Message(code="observability.weak", level="warning", text=d.text) for d in weak),
             *(Message(code=code, level="info", text=text) for code, text in told),
         ),
         intrinsics=sensors.parameters,

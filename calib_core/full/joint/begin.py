@@ -227,22 +227,24 @@ def standing_priors(run: Run, start: Estimate, guess: InitialGuess | None) -> Pr
     settings = run.settings
     means = np.zeros(CALIBRATION)
     means[-1] = start.time_offset_s
-    rows = [
+    standing = [
         PriorRow(i, float(mean), std) for i, (mean, std) in enumerate(zip(means, BEGINNING.standing_std, strict=True))
     ]
+    given = []
     for prior in settings.priors:
         column = COVARIANCE_ORDER.index(prior.axis)
         value = prior.value
         if prior.axis == "dt":
             value = run.clocks.offset_s(round(prior.value * 1e9))
-        rows.append(PriorRow(column, value, prior.std))
+        given.append(PriorRow(column, value, prior.std))
     reference = guess.R_imu_lidar if guess is not None and guess.R_imu_lidar is not None else start.R_imu_lidar
     walk = random_walks(settings.imu_noise)
     return Priors(
         reference,
-        tuple(rows),
+        tuple(standing),
         settings.gravity.magnitude_m_s2,
         settings.gravity.std_m_s2,
+        given=tuple(given),
         gyro_walk=walk[0],
         accel_walk=walk[1],
     )

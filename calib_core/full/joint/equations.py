@@ -205,16 +205,9 @@ class JointEquations:
     def _times(self, first: int, last: int, shared: FloatArray) -> FloatArray:
         """Of the links that begin at knots first..last (exclusive), and their bins: (.., 9, m), a knot more for the last."""
         end, m = min(last + 1, self.knots), shared.shape[1]
-        out, some = np.zeros((end - first, KNOT, m)), slice(first, end - 1)
-        f, nodes = self._links(first, end), self.nodes.part(first, end)
-        gyro, accel = (
-            nodes.at_links(shared[columns].reshape(-1, 3 * m)).reshape(-1, 3, m)
-            for columns in (self.layout.gyro_bias(), self.layout.accel_bias())
-        )
-        places = self.sensors.imu_places
-        if len(places):
-            own = shared[self.layout.nuisance()][places]
-            gyro, accel = gyro + self.sensors.gyro[some] @ own, accel + self.sensors.accel[some] @ own
+        out = np.zeros((end - first, KNOT, m))
+        f = self._links(first, end)
+        gyro, accel = link_biases(shared, self.layout, self.nodes.part(first, end), self.sensors.part(first, end - 1))
         links_times_kernel(
             f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias,
             shared[GRAVITY], gyro, accel, out,
@@ -229,6 +222,23 @@ class JointEquations:
             self.links.part(first, last - 1), self.estimate.states.part(first, last), self.estimate.gravity,
             self.gyro_change[some], self.accel_change[some],
         )  # fmt: skip
+
+
+def link_biases(
+    shared: FloatArray, layout: Layout, nodes: BiasNodes, sensors: SensorColumns
+) -> tuple[FloatArray, FloatArray]:
+    """What columns (S, m) of the shared unknowns are as biases of each link, gyroscope and accelerometer, (L, 3, m) each: those
+    of the nodes beside it, and what the IMU's own parameters act as. nodes, sensors: as those links see them.
+    """
+    m = shared.shape[1]
+    gyro, accel = (
+        nodes.at_links(shared[columns].reshape(-1, 3 * m)).reshape(-1, 3, m)
+        for columns in (layout.gyro_bias(), layout.accel_bias())
+    )
+    if len(sensors.imu_places):
+        own = shared[layout.nuisance()][sensors.imu_places]
+        gyro, accel = gyro + sensors.gyro @ own, accel + sensors.accel @ own
+    return gyro, accel
 
 
 def _applied(J: FloatArray, step: FloatArray) -> FloatArray:

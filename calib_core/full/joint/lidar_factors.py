@@ -69,7 +69,7 @@ class LidarFactors:
         if len(lasers.laser):
             add_features_kernel(
                 lasers.bin, knot, b.plane, lasers.laser, J, a, lasers.cross, self._laser_columns(layout),
-                self._feature_changes(estimate), planes, clock,
+                self.features_changed(estimate), planes, clock,
                 part.gradient, part.border, part.corner, part.gradient_shared,
             )  # fmt: skip
 
@@ -77,7 +77,7 @@ class LidarFactors:
         """Adds what the lasers' own parameters share with one another, which is no knot's business."""
         lasers = self.bins.lasers
         if len(lasers.laser):
-            columns, change = self._laser_columns(layout), self._feature_changes(estimate)
+            columns, change = self._laser_columns(layout), self.features_changed(estimate)
             add_grams_kernel(lasers.grams, lasers.of_laser, columns, change, corner, gradient_shared)
 
     def add_times(
@@ -98,10 +98,7 @@ class LidarFactors:
         own = shared[layout.nuisance()]
         crossed = np.zeros((len(b.knot), 4, m))
         if len(lasers.laser):
-            moved = np.vstack([own, np.zeros(m)])[self.sensors.laser_places]  # the last is of what is not in play, -1
-            features_times_kernel(
-                lasers.bin, lasers.laser, lasers.cross, feature_changes(moved, lasers.features), crossed
-            )
+            features_times_kernel(lasers.bin, lasers.laser, lasers.cross, self.features_following(own), crossed)
         clock = own[self.sensors.clock_place :][:1] if self.sensors.clock_place >= 0 else np.zeros((1, m))
         bins_times_kernel(
             b.knot - first, b.plane, J, b.scatter, shared[:CALIBRATION],
@@ -127,7 +124,7 @@ class LidarFactors:
             a[:, :4] += (J[:, :, OF_KNOT] @ along[b.knot][..., None])[..., 0]
         u = (b.scatter[:, :4] @ a[..., None])[..., 0]
         if len(lasers.laser):
-            columns, change = self._laser_columns(layout), self._feature_changes(estimate)
+            columns, change = self._laser_columns(layout), self.features_changed(estimate)
             features_pull_kernel(lasers.bin, lasers.laser, a, lasers.cross, columns, change, u, shared)
         pulls = (u[:, None] @ J)[:, 0]
         shared[:CALIBRATION] += pulls[:, OF_CALIBRATION].sum(axis=0)
@@ -157,9 +154,13 @@ class LidarFactors:
         places = self.sensors.laser_places
         return np.where(places >= 0, layout.nuisance().start + places, -1)
 
-    def _feature_changes(self, estimate: Estimate) -> FloatArray:
+    def features_changed(self, estimate: Estimate) -> FloatArray:
         """(L, F) of the features' coefficients since the points were laid out."""
         return feature_changes(self.laser_changes(estimate), self.bins.lasers.features)
+
+    def features_following(self, columns: FloatArray) -> FloatArray:
+        """(L, F, m) what the features' coefficients follow of columns (N, m) of the sensors' own parameters."""
+        return feature_changes(self._by_laser(columns), self.bins.lasers.features)
 
     def sums(self, estimate: Estimate) -> FloatArray:
         """Sum of weighted distances of every bin's points, (B,) [1/m]."""
@@ -167,7 +168,7 @@ class LidarFactors:
         total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
         if len(self.bins.lasers.laser):
             lasers = self.bins.lasers
-            change = self._feature_changes(estimate)[lasers.laser]
+            change = self.features_changed(estimate)[lasers.laser]
             total += self._by_bin(np.einsum("bf,bf->b", change, lasers.cross[:, :, 3]))
         return total
 
@@ -187,8 +188,12 @@ class LidarFactors:
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
         """(L, 14) of each laser's columns since the points were laid out."""
-        change = np.append(estimate.nuisance - self.bins.nuisance, 0.0)  # the last is of what is not in play, -1
-        return np.asarray(change[self.sensors.laser_places])
+        return self._by_laser(estimate.nuisance - self.bins.nuisance)
+
+    def _by_laser(self, values: FloatArray) -> FloatArray:
+        """(L, 14, ..) of each laser's columns, of values (N, ..) of the sensors' own parameters; zero of what is not in play."""
+        nothing = np.zeros((1, *values.shape[1:]))  # in the last place, where -1 leads
+        return np.asarray(np.concatenate([values, nothing])[self.sensors.laser_places])
 
     def planes_seen(self, estimate: Estimate) -> FloatArray:
         """A = [n_lidar, w_lidar, 1] of every bin, (B, 5)."""

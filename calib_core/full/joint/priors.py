@@ -39,15 +39,17 @@ class Priors:
     """Statements that are not measurements of this recording.
 
     R_reference: rotation priors are turns away from it.   gravity_m_s2, gravity_std_m_s2: std 0 fixes the magnitude.
-    rows: on calibration columns 0..6.   bias walk densities: per sqrt(s); 0 with a single node.   nuisance_std: (N,) of the
-    sensors' own parameters about those of ideal ones.   whiteners: of those that are correlated their place among them, and
-    (n, n) that makes them white.
+    standing: on calibration columns 0..6, so wide that they only keep every number finite.   given: on the same columns, what a
+    person knows, which the recording is held against (assess/given.py).   bias walk densities: per sqrt(s); 0 with a single
+    node.   nuisance_std: (N,) of the sensors' own parameters about those of ideal ones.   whiteners: of those that are correlated
+    their place among them, and (n, n) that makes them white.
     """
 
     R_reference: FloatArray
-    rows: tuple[PriorRow, ...]
+    standing: tuple[PriorRow, ...]
     gravity_m_s2: float
     gravity_std_m_s2: float
+    given: tuple[PriorRow, ...] = ()
     gyro_bias_std_rad_s: float = CHAIN.gyro_bias_std_rad_s
     accel_bias_std_m_s2: float = CHAIN.accel_bias_std_m_s2
     gyro_walk: float = USUAL_WALK[0]
@@ -55,6 +57,11 @@ class Priors:
     held: tuple[Held, ...] = ()
     nuisance_std: FloatArray = field(default_factory=lambda: np.zeros(0))
     whiteners: tuple[tuple[slice, FloatArray], ...] = ()
+
+    @property
+    def rows(self) -> tuple[PriorRow, ...]:
+        """All that is said of single parameters of the calibration: what stands first, then what was given."""
+        return (*self.standing, *self.given)
 
     def calibration_vector(self, estimate: Estimate) -> FloatArray:
         """(7,): turn from R_reference [rad], translation [m], time offset [s]: what the prior rows speak of."""
@@ -71,48 +78,77 @@ class Priors:
         return total
 
 
-def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Layout) -> tuple[FloatArray, FloatArray]:
-    """Whitened residuals of the priors (M,) and their Jacobian over the shared columns (M, S)."""
-    residuals: list[float] = []
-    rows: list[FloatArray] = []
+#: Whitened residuals (M,) and their Jacobian over the shared columns (M, S).
+_Rows = tuple[FloatArray, FloatArray]
 
-    def add(residual: float, columns: list[int], values: FloatArray) -> None:
-        row = np.zeros(layout.size)
-        row[columns] = values
-        residuals.append(residual)
-        rows.append(row)
 
+def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Layout) -> _Rows:
+    """Whitened residuals of all priors (M,) and their Jacobian over the shared columns (M, S)."""
+    kinds = [
+        _of_calibration(priors, estimate, layout),
+        _of_gravity(priors, estimate, layout),
+        _of_biases(estimate.gyro_bias, layout.gyro_bias(), layout, nodes, priors.gyro_bias_std_rad_s, priors.gyro_walk),
+        _of_biases(
+            estimate.accel_bias, layout.accel_bias(), layout, nodes, priors.accel_bias_std_m_s2, priors.accel_walk
+        ),
+        _of_sensors(priors, estimate, layout),
+        *(_together(estimate, layout, place, whitener) for place, whitener in priors.whiteners),
+    ]
+    return np.concatenate([residual for residual, _ in kinds]), np.concatenate([jacobian for _, jacobian in kinds])
+
+
+def _of_calibration(priors: Priors, estimate: Estimate, layout: Layout) -> _Rows:
+    """What stands, what was given, and directions that are held."""
     now = priors.calibration_vector(estimate)
-    for row in priors.rows:
-        add((float(now[row.column]) - row.value) / row.std, [row.column], np.array([1.0 / row.std]))
-    for held in priors.held:
-        add((float(held.vector @ now) - held.value) / held.std, list(range(CALIBRATION)), held.vector / held.std)
+    vectors = [np.eye(CALIBRATION)[row.column] / row.std for row in priors.rows]
+    residual = [(float(now[row.column]) - row.value) / row.std for row in priors.rows]
+    vectors += [held.vector / held.std for held in priors.held]
+    residual += [(float(held.vector @ now) - held.value) / held.std for held in priors.held]
+    jacobian = np.zeros((len(vectors), layout.size))
+    jacobian[:, :CALIBRATION] = np.reshape(vectors, (-1, CALIBRATION))
+    return np.array(residual), jacobian
+
+
+def _of_gravity(priors: Priors, estimate: Estimate, layout: Layout) -> _Rows:
+    """Its magnitude: one row."""
     magnitude = float(np.linalg.norm(estimate.gravity))
     std = max(priors.gravity_std_m_s2, CHAIN.exact_gravity_m_s2)
-    add((magnitude - priors.gravity_m_s2) / std, list(range(layout.size))[GRAVITY], estimate.gravity / magnitude / std)
-    for place, values, initial, walk in (
-        (layout.gyro_bias().start, estimate.gyro_bias, priors.gyro_bias_std_rad_s, priors.gyro_walk),
-        (layout.accel_bias().start, estimate.accel_bias, priors.accel_bias_std_m_s2, priors.accel_walk),
-    ):
-        for axis in range(3):
-            add(values[0, axis] / initial, [place + axis], np.array([1.0 / initial]))
-            for k in range(layout.nodes - 1):
-                step_std = max(walk * np.sqrt(nodes.times_s[k + 1] - nodes.times_s[k]), 1e-9)
-                columns = [place + 3 * k + axis, place + 3 * (k + 1) + axis]
-                add((values[k + 1, axis] - values[k, axis]) / step_std, columns, np.array([-1.0, 1.0]) / step_std)
+    jacobian = np.zeros((1, layout.size))
+    jacobian[0, GRAVITY] = estimate.gravity / magnitude / std
+    return np.array([(magnitude - priors.gravity_m_s2) / std]), jacobian
+
+
+def _of_biases(
+    values: FloatArray, columns: slice, layout: Layout, nodes: BiasNodes, first_std: float, walk: float
+) -> _Rows:
+    """Of one sensor's (N, 3), axis by axis: how large at the first node, and how far from each node to the next.
+
+    walk: density, per sqrt(s).
+    """
+    count, axes = values.shape
+    step_std = np.maximum(walk * np.sqrt(np.diff(nodes.times_s)), 1e-9)
+    steps = np.diff(values, axis=0) / step_std[:, None]
+    later = np.arange(1, count)
+    jacobian = np.zeros((axes, count, layout.size))
+    for axis in range(axes):
+        place = columns.start + axis + axes * np.arange(count)
+        jacobian[axis, 0, place[0]] = 1.0 / first_std
+        jacobian[axis, later, place[:-1]], jacobian[axis, later, place[1:]] = -1.0 / step_std, 1.0 / step_std
+    residual = np.vstack([values[:1] / first_std, steps]).T
+    return residual.ravel(), jacobian.reshape(-1, layout.size)
+
+
+def _of_sensors(priors: Priors, estimate: Estimate, layout: Layout) -> _Rows:
+    """Of the sensors' own parameters those that are correlated with no other: a row each."""
     correlated = {k for place, _ in priors.whiteners for k in range(place.start, place.stop)}
-    for k, (value, own) in enumerate(zip(estimate.nuisance, priors.nuisance_std, strict=True)):
-        if k not in correlated:
-            add(value / own, [layout.nuisance().start + k], np.array([1.0 / own]))
-    together = [_together(estimate, layout, place, whitener) for place, whitener in priors.whiteners]
-    return (
-        np.concatenate([np.array(residuals), *(residual for residual, _ in together)]),
-        np.concatenate([np.array(rows), *(jacobian for _, jacobian in together)]),
-    )
+    alone = np.array([k for k in range(len(priors.nuisance_std)) if k not in correlated], np.int64)
+    jacobian = np.zeros((len(alone), layout.size))
+    jacobian[np.arange(len(alone)), layout.nuisance().start + alone] = 1.0 / priors.nuisance_std[alone]
+    return (estimate.nuisance / priors.nuisance_std)[alone], jacobian
 
 
-def _together(estimate: Estimate, layout: Layout, place: slice, whitener: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The rows (n,), (n, S) of parameters that are correlated."""
+def _together(estimate: Estimate, layout: Layout, place: slice, whitener: FloatArray) -> _Rows:
+    """Of parameters that are correlated: n rows."""
     jacobian = np.zeros((len(whitener), layout.size))
     start = layout.nuisance().start
     jacobian[:, start + place.start : start + place.stop] = whitener

@@ -84,7 +84,7 @@ def towards_priors(directions: FloatArray, priors: Priors, at: FloatArray) -> Fl
 
     at: (7,) the place, scaled units, which the standing prior is laid about: what a person has not said stays where it is.
     """
-    own = priors.rows[CALIBRATION:]
+    own = priors.given
     columns = [row.column for row in own]
     stds = np.array([row.std for row in own]) / UNITS[columns]
     away = np.array([row.value for row in own]) / UNITS[columns] - at[columns]

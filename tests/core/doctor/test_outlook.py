@@ -10,8 +10,9 @@ import pytest
 from calib_core.doctor.outlook import doubts_settled, forecast_report, in_words, planes_report
 from calib_core.doctor.report import ParameterForecast
 from calib_core.doctor.sampling import LOOKED_S, SampledScans
-from calib_core.full.assess.observability import Advice, Knowledge
+from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.plausibility import SIGNS_RIGHT
+from calib_core.full.assess.weak_sentences import Advice
 from calib_core.full.forecast import NO_PLANES, Outlook
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.planes.sample import sample_scan

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.full.assess.observability import Knowledge, advice, assess, named_direction
+from calib_core.full.assess.observability import Direction, Knowledge, assess
+from calib_core.full.assess.weak_sentences import advice, named_direction, weak_directions
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.geometry import exp
@@ -18,7 +19,7 @@ STANDING = tuple(PriorRow(i, 0.0, std) for i, std in enumerate([1.0] * 3 + [10.0
 
 
 def _priors(*extra: PriorRow) -> Priors:
-    return Priors(np.eye(3), (*STANDING, *extra), 9.8, 0.02)
+    return Priors(np.eye(3), STANDING, 9.8, 0.02, given=extra)
 
 
 def _information(spread: FloatArray, directions: FloatArray, priors: Priors) -> FloatArray:
@@ -93,7 +94,7 @@ def test_what_is_added_to_the_covariance_leaves_less_known() -> None:
     information = _taking_away(direction / np.linalg.norm(direction), priors)
     for each in (None, added):
         known = assess(information, priors, added=each)
-        (open_direction,) = known.weak
+        (open_direction,) = weak_directions(known)
         assert abs(np.array(open_direction.vector) @ direction) / np.linalg.norm(direction) > 0.99
         assert "does not determine" in open_direction.text
         std = np.sqrt(np.diag(known.covariance)) / UNITS
@@ -127,18 +128,18 @@ def test_weak_is_beyond_half_a_degree_20_mm_or_2_ms(label: str, limit: float) ->
     assert not _assess(_all(GOOD, **{label: 0.97 * limit})).is_weak
     known = _assess(_all(GOOD, **{label: 1.05 * limit}))
     assert known.is_weak
-    assert [d.label for d in known.weak] == [label]
-    assert known.weak[0].std_scaled == pytest.approx(1.05 * limit, rel=1e-3)
+    assert [d.label for d in weak_directions(known)] == [label]
+    assert known.weak[0].spread == pytest.approx(1.05 * limit, rel=1e-3)
     np.testing.assert_allclose(np.abs(known.weak[0].vector), np.eye(7)[COVARIANCE_ORDER.index(label)], atol=1e-6)
-    assert "1 sigma" in known.weak[0].text
+    assert "1 sigma" in weak_directions(known)[0].text
 
 
 @pytest.mark.parametrize("label", COVARIANCE_ORDER)
 def test_what_nothing_determines_is_the_priors_and_said_to_be(label: str) -> None:
     """Fails when an undetermined direction is worded like one that is merely weak."""
     known = _assess(_all(GOOD, **{label: np.inf}))
-    assert [d.label for d in known.weak] == [label]
-    assert "does not determine" in known.weak[0].text
+    assert [d.label for d in weak_directions(known)] == [label]
+    assert "does not determine" in weak_directions(known)[0].text
     std = np.sqrt(np.diag(known.covariance))
     column = COVARIANCE_ORDER.index(label)
     assert std[column] == pytest.approx(STANDING[column].std, rel=1e-3)
@@ -158,11 +159,11 @@ def test_a_parameter_that_is_named_has_the_size_that_the_tables_have() -> None:
     spread = np.full(7, GOOD)
     spread[[0, across]] = 2.46, 2.2
     known = _assess(spread, rest)
-    (x,) = [d for d in known.weak if d.label == "tx"]
+    (x,) = [d for d in weak_directions(known) if d.label == "tx"]
     assert known.data_std[3] == pytest.approx(0.02451, abs=1e-5)
     assert "x axis only to 25 mm (1 sigma)" in x.text
     priors = _priors()
-    (late,) = assess(_information(_all(GOOD, dt=2.5), np.eye(7), priors), priors, offset_std_s=6e-3).weak
+    (late,) = weak_directions(assess(_information(_all(GOOD, dt=2.5), np.eye(7), priors), priors, offset_std_s=6e-3))
     assert "determines time offset only to 6.5 ms" in late.text
 
 
@@ -177,14 +178,29 @@ def test_a_slanting_direction_is_found_and_named_by_its_parts() -> None:
     rest[:, 0] = way
     known = _assess(np.array([30.0, *[GOOD] * 6]), rest)
     assert len(known.weak) == 1
-    assert known.weak[0].label is None
-    assert abs(np.array(known.weak[0].vector) @ way) == pytest.approx(1.0, abs=1e-4)
+    assert weak_directions(known)[0].label is None
+    assert abs(known.weak[0].vector @ way) == pytest.approx(1.0, abs=1e-4)
     said = "the combination +0.80 translation x, -0.50 translation y, +0.33 time offset (in units of 1 deg, 10 mm and 1 ms)"
-    assert said in known.weak[0].text
+    assert said in weak_directions(known)[0].text
     # Of what parts disagree about it is said with the same words.
     turned = np.zeros(7)
     turned[[1, 3]] = 0.7, 0.71
     assert named_direction(np.outer(turned, turned)).startswith("the combination +0.70 turn y, +0.71 translation x (")
+
+
+def test_a_direction_is_told_the_same_way_round_whichever_way_it_came() -> None:
+    """Its largest part is positive in the document, and in words. Mutations: as it came; the first part positive."""
+    way = np.array([-0.2, 0.0, 0.0, 0.9, 0.0, 0.0, np.sqrt(1.0 - 0.85)])
+    data_std = np.full(7, 0.03)
+    told = [
+        weak_directions(
+            Knowledge(np.eye(7), data_std, (Direction(sign * way, 3.0, is_open=False),), rotation_known=True)
+        )
+        for sign in (1.0, -1.0)
+    ]
+    assert told[0] == told[1]
+    np.testing.assert_array_equal(told[0][0].vector, way)
+    assert "-0.20 turn x, +0.90 translation x, +0.39 time offset" in told[0][0].text
 
 
 def test_a_direction_of_one_kind_is_named_as_such() -> None:
@@ -198,8 +214,8 @@ def test_a_direction_of_one_kind_is_named_as_such() -> None:
         spread = np.full(7, GOOD)
         spread[first] = 30.0
         known = _assess(spread, basis)
-        assert [d.label for d in known.weak] == [None]
-        assert said in known.weak[0].text
+        assert [d.label for d in weak_directions(known)] == [None]
+        assert said in weak_directions(known)[0].text
 
 
 def test_a_tape_measure_fills_in_but_does_not_hide_what_the_data_lack() -> None:
@@ -208,7 +224,7 @@ def test_a_tape_measure_fills_in_but_does_not_hide_what_the_data_lack() -> None:
     for spread in (5.0, np.inf):
         without = _assess(_all(GOOD, tz=spread))
         known = _assess(_all(GOOD, tz=spread), None, tape)
-        assert [d.label for d in known.weak] == ["tz"]
+        assert [d.label for d in weak_directions(known)] == ["tz"]
         assert known.is_weak
         np.testing.assert_allclose(known.data_std, without.data_std, rtol=2e-2)
         assert np.sqrt(known.covariance[5, 5]) == pytest.approx(0.001, rel=0.01)

@@ -96,6 +96,15 @@ def test_a_laser_that_reads_long_disagrees_with_the_others(ideal: Weighed, spoil
     assert len(ideal.trust.apart.clusters["lasers"].moved) == 16
 
 
+def test_the_budget_of_a_solve_is_what_its_answer_states(ideal: Weighed, spoilt: Weighed) -> None:
+    """Where nothing was given and nothing is open. Mutations: what parts disagree about left out of either; noise twice."""
+    for each, there in ((ideal, ["noise"]), (spoilt, ["noise", "disagreement"])):
+        budget, covariance = each.trust.budget, each.trust.knowledge.covariance
+        assert [part.name for part in budget.parts if part.is_there] == there
+        size = np.sqrt(np.diag(covariance))
+        np.testing.assert_allclose(budget.total / size / size[:, None], covariance / size / size[:, None], atol=1e-4)
+
+
 def test_lasers_told_apart_afterwards_have_the_points_of_the_solve(
     ideal: Weighed, monkeypatch: pytest.MonkeyPatch
 ) -> None:

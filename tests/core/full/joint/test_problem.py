@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
 from calib_core.full.joint.begin import bias_nodes
-from calib_core.full.joint.priors import PriorRow, Priors, prior_rows
+from calib_core.full.joint.priors import Held, PriorRow, Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
@@ -74,7 +74,7 @@ def _problem(seed: int, *, delta_s: float = 0.0, unseen: int = 0) -> tuple[Joint
     y = 100.0 * np.concatenate([y, 0.1 * rng.normal(size=(len(pairs), 9, 1))], axis=2)
     bins = Bins(pairs[:, 0], pairs[:, 1], np.swapaxes(y, 1, 2) @ y, np.full(len(pairs), 9), OFFSET_S - delta_s)
     rows = (PriorRow(0, 0.3, 0.5), PriorRow(2, -0.1, 0.2), PriorRow(4, 1.0, 0.4), PriorRow(6, 0.5, 0.3))
-    priors = Priors(e.R_imu_lidar, rows, 9.8, 0.05, gyro_walk=0.3, accel_walk=0.7)
+    priors = Priors(e.R_imu_lidar, rows[:2], 9.8, 0.05, given=rows[2:], gyro_walk=0.3, accel_walk=0.7)
     return JointProblem(readings, nodes, preintegrate(readings, bg, ba, DENSITY), bg, ba, bins, priors, 0), e
 
 
@@ -234,11 +234,14 @@ def test_bin_jacobian_column_by_column(delta_s: float) -> None:
 
 
 def test_prior_rows_are_differenced_too() -> None:
-    """Fails when a random walk's row has no minus, or gravity's row is not of unit length.
+    """Fails when a random walk's row has no minus, gravity's row is not of unit length, or a direction's is not divided by its
+    standard deviation.
 
     The rotation prior about its own reference, where the solve holds it.
     """
     problem, e = _problem(6)
+    aslant = Held(np.array([0.3, -0.2, 0.1, 0.5, 0.4, -0.6, 0.2]), 0.05, 0.1)
+    problem = replace(problem, priors=replace(problem.priors, held=(aslant,)))
     residual, J = prior_rows(problem.priors, problem.nodes, e, LAYOUT)
     assert J.shape == (len(residual), LAYOUT.size)
     for column in range(LAYOUT.size):
@@ -248,7 +251,7 @@ def test_prior_rows_are_differenced_too() -> None:
 
 
 def test_priors_say_what_they_are_told() -> None:
-    """Fails when the walk's spread does not grow with the root of time, or a fixed gravity has no row.
+    """Fails when the walk's spread does not grow with the root of time, a fixed gravity has no row, or what was given has none.
 
     One by one: rotation, translation and time rows; gravity's magnitude; the first node; the steps between nodes.
     """

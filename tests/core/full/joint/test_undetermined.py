@@ -10,6 +10,7 @@ import pytest
 from calib_core.calibrate import calibrate
 from calib_core.events import Event, IterationEvent
 from calib_core.full.assess.observability import assess
+from calib_core.full.assess.weak_sentences import weak_directions
 from calib_core.full.joint import round as round_
 from calib_core.full.joint.priors import Held, PriorRow, Priors
 from calib_core.full.joint.settings import HOLDING
@@ -29,7 +30,7 @@ KNOWN = np.full(7, 100.0)
 
 
 def priors(*own: PriorRow, held: tuple[Held, ...] = ()) -> Priors:
-    return Priors(np.eye(3), (*STANDING_ROWS, *own), 9.81, 0.01, held=held)
+    return Priors(np.eye(3), STANDING_ROWS, 9.81, 0.01, given=own, held=held)
 
 
 def knowing(tz_mm: float) -> FloatArray:
@@ -76,7 +77,7 @@ def test_what_is_held_to_the_end_is_said_to_be_assumed() -> None:
         with_held = priors(*own, held=(held,))
         knowledge = assess(data + with_held.calibration_information(), with_held)
         assert knowledge.weak_axes == ("tz",)
-        assert "does not determine" in knowledge.weak[0].text
+        assert "does not determine" in weak_directions(knowledge)[0].text
         assert np.sqrt(knowledge.covariance[5, 5]) == pytest.approx(std_m, rel=1e-3)
     alone = priors()
     assert assess(data + alone.calibration_information(), alone).data_std[5] == pytest.approx(0.05, rel=1e-3)

@@ -1,0 +1,115 @@
+"""What the recording leaves weak, in sentences: how badly it is known, and what to record so that it will be.
+
+Measured by observability.py; no number is made here.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from calib_core.full.assess.observability import Direction, Knowledge
+from calib_core.full.assess.settings import WORDING
+from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
+from calib_core.full.joint.undetermined import NAMES, UNITS
+from calib_core.result import COVARIANCE_ORDER, WeakDirection
+from calib_core.sigmas import std_text
+from calib_core.types import FloatArray
+
+_SHORT = (*(f"turn {a}" for a in "xyz"), *(f"translation {a}" for a in "xyz"), "time offset")
+
+
+def weak_directions(knowledge: Knowledge) -> tuple[WeakDirection, ...]:
+    """Each of them, for the document."""
+    return tuple(_described(each, knowledge.data_std) for each in knowledge.weak)
+
+
+def _described(direction: Direction, data_std: FloatArray) -> WeakDirection:
+    """In words, by the parameter that it is most of, in its sense. data_std: (7,) of each parameter, SI, as Knowledge has it."""
+    vector, largest, alone = _named(direction.vector)
+    what = NAMES[largest] if alone else _mixture(vector)
+    if direction.is_open:
+        text = f"The recording does not determine {what}; what is given for it is assumed, not measured."
+    else:
+        # By a parameter's name it is that parameter's own, as every table has it, to which other directions add their part.
+        along = abs(float(vector[largest])) * direction.spread * float(UNITS[largest])
+        amount = _amount(float(data_std[largest]) if alone else along, largest)
+        text = f"The recording determines {what} only to {amount} (1 sigma)."
+    return WeakDirection(
+        label=COVARIANCE_ORDER[largest] if alone else None,
+        vector=[float(v) for v in vector],
+        std_scaled=direction.spread,
+        text=text,
+    )
+
+
+def _mixture(vector: FloatArray) -> str:
+    """A direction that is none of the seven parameters alone."""
+    rotation, lever = (
+        ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (ROTATION, TRANSLATION)
+    )
+    if np.linalg.norm(vector[TRANSLATION]) > WORDING.one_kind:
+        return f"the lever arm along ({lever}) of the IMU's axes"
+    if np.linalg.norm(vector[ROTATION]) > WORDING.one_kind:
+        return f"the rotation about ({rotation}) of the lidar's axes"
+    parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > WORDING.named)
+    return f"the combination {parts} (in units of 1 deg, 10 mm and 1 ms)"
+
+
+def _amount(std: float, largest: int) -> str:
+    if largest < 3:
+        return std_text(float(np.degrees(std)), "deg")
+    return std_text(std, "m" if largest < CALIBRATION - 1 else "s")
+
+
+def named_direction(covariance: FloatArray) -> str:
+    """Along what a covariance (7, 7), scaled units, reaches farthest, in words."""
+    vector, largest, alone = _named(np.linalg.eigh(covariance)[1][:, -1])
+    return NAMES[largest] if alone else _mixture(vector)
+
+
+def _named(vector: FloatArray) -> tuple[FloatArray, int, bool]:
+    """A unit vector (7,) the way round in which its largest part is positive, which that is, and whether it is all but alone."""
+    largest = int(np.argmax(np.abs(vector)))
+    vector = vector * np.sign(vector[largest])
+    return vector, largest, bool(abs(vector[largest]) > WORDING.one_parameter)
+
+
+@dataclass(frozen=True, slots=True)
+class Advice:
+    """What to record next. about: places of the parameters in the covariance that it would make known."""
+
+    text: str
+    about: tuple[int, ...]
+
+
+def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[Advice]:
+    """What to record next, from the weak parameters and from how much the IMU turned about each of its axes.
+
+    turning_std_rad_s: (3,) rms angular rate about the IMU's axes.
+    """
+    weak = knowledge.weak_axes
+    out: list[Advice] = []
+    axes = "xyz"
+    for i in range(3):
+        if f"t{axes[i]}" in weak:
+            others = [a for a in range(3) if a != i]
+            quiet = min(others, key=lambda a: turning_std_rad_s[a])
+            text = (
+                f"To determine the lever arm along the IMU's {axes[i]} axis, turn to and fro about the IMU's {axes[quiet]} axis "
+                f"(it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick "
+                "reversals is good)."
+            )
+            out.append(Advice(text, (3 + i,)))
+    if any(axis.startswith("r") for axis in weak):
+        lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
+        quiet_axis = int(np.argmin(lidar_turning))
+        text = (
+            "To determine the rotation, turn about two different axes; there is least turning about the lidar's "
+            f"{axes[quiet_axis]} axis."
+        )
+        out.append(Advice(text, (0, 1, 2)))
+    if "dt" in weak:
+        out.append(Advice("To determine the time offset, turn faster and reverse direction often.", (TIME_OFFSET,)))
+    return out
