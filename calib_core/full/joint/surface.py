@@ -18,7 +18,7 @@ from calib_core.full.joint.settle import Near
 from calib_core.full.joint.state import CALIBRATION
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.geometry import log
-from calib_core.types import BoolArray, FloatArray, IntArray
+from calib_core.types import FloatArray, IntArray
 
 
 def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling: Sampling) -> Estimation:
@@ -38,9 +38,9 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
     bend_m = bend_of_several_m(patches.planes, weight, off, rules)
     if bend_m < rules.least_m:
         return state
-    is_doubtful: BoolArray = (plane_doubts(gathered(data, state), state.estimate) > 1.0).any(axis=1)
+    is_doubtful = np.any(plane_doubts(gathered(data, state), state.estimate) > 1.0, axis=1)
     if is_doubtful.any():
-        rest = ~is_doubtful[patches.planes]
+        rest = np.flatnonzero(~is_doubtful[patches.planes])
         patches = patches.without(is_doubtful)
         if patches.count < 2 or bend_of_several_m(patches.planes, weight[rest], off[rest], rules) < rules.least_m:
             return state
