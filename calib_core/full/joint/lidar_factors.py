@@ -187,7 +187,7 @@ class LidarFactors:
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
         """(L, 14) of each laser's columns since the points were laid out."""
-        change = np.append(estimate.nuisance - self.bins.nuisance, 0.0)  # the last is of what is not in play, -1
+        change = np.append(estimate.sensors.since(self.bins.laid_out_at), 0.0)  # the last is of what is not in play, -1
         return np.asarray(change[self.sensors.laser_places])
 
     def planes_seen(self, estimate: Estimate) -> FloatArray:
@@ -230,7 +230,8 @@ class LidarFactors:
         place = self.sensors.clock_place
         if place < 0:
             return 0.0
-        return np.asarray((estimate.nuisance[place] - self.bins.nuisance[place]) * self._clock_lever_s(estimate, knot))
+        change_ppm = estimate.sensors.clock_rate_ppm() - self.bins.laid_out_at.clock_rate_ppm()
+        return np.asarray(change_ppm * self._clock_lever_s(estimate, knot))
 
     def _clock_lever_s(self, estimate: Estimate, knot: IntArray) -> FloatArray:
         """Seconds of offset for a ppm of rate, at knots."""

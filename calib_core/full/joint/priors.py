@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -39,9 +39,8 @@ class Priors:
     """Statements that are not measurements of this recording.
 
     R_reference: rotation priors are turns away from it.   gravity_m_s2, gravity_std_m_s2: std 0 fixes the magnitude.
-    rows: on calibration columns 0..6.   bias walk densities: per sqrt(s); 0 with a single node.   nuisance_std: (N,) of the
-    sensors' own parameters about those of ideal ones.   whiteners: of those that are correlated their place among them, and
-    (n, n) that makes them white.
+    rows: on calibration columns 0..6.   bias walk densities: per sqrt(s); 0 with a single node.   What is known of the sensors'
+    own parameters comes with these (prepare/nuisance.py).
     """
 
     R_reference: FloatArray
@@ -53,8 +52,6 @@ class Priors:
     gyro_walk: float = USUAL_WALK[0]
     accel_walk: float = USUAL_WALK[1]
     held: tuple[Held, ...] = ()
-    nuisance_std: FloatArray = field(default_factory=lambda: np.zeros(0))
-    whiteners: tuple[tuple[slice, FloatArray], ...] = ()
 
     def calibration_vector(self, estimate: Estimate) -> FloatArray:
         """(7,): turn from R_reference [rad], translation [m], time offset [s]: what the prior rows speak of."""
@@ -100,11 +97,12 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
                 step_std = max(walk * np.sqrt(nodes.times_s[k + 1] - nodes.times_s[k]), 1e-9)
                 columns = [place + 3 * k + axis, place + 3 * (k + 1) + axis]
                 add((values[k + 1, axis] - values[k, axis]) / step_std, columns, np.array([-1.0, 1.0]) / step_std)
-    correlated = {k for place, _ in priors.whiteners for k in range(place.start, place.stop)}
-    for k, (value, own) in enumerate(zip(estimate.nuisance, priors.nuisance_std, strict=True)):
+    sensors = estimate.sensors
+    correlated = {k for place, _ in sensors.blocks.whiteners for k in range(place.start, place.stop)}
+    for k, (value, own) in enumerate(zip(sensors.values, sensors.blocks.prior_std, strict=True)):
         if k not in correlated:
             add(value / own, [layout.nuisance().start + k], np.array([1.0 / own]))
-    together = [_together(estimate, layout, place, whitener) for place, whitener in priors.whiteners]
+    together = [_together(estimate, layout, place, whitener) for place, whitener in sensors.blocks.whiteners]
     return (
         np.concatenate([np.array(residuals), *(residual for residual, _ in together)]),
         np.concatenate([np.array(rows), *(jacobian for _, jacobian in together)]),
@@ -116,4 +114,4 @@ def _together(estimate: Estimate, layout: Layout, place: slice, whitener: FloatA
     jacobian = np.zeros((len(whitener), layout.size))
     start = layout.nuisance().start
     jacobian[:, start + place.start : start + place.stop] = whitener
-    return whitener @ estimate.nuisance[place], jacobian
+    return whitener @ estimate.sensors.values[place], jacobian
