@@ -117,7 +117,7 @@ class JointProblem:
         gyro = self.nodes.at_links(estimate.gyro_bias) - self.links_gyro_bias
         accel = self.nodes.at_links(estimate.accel_bias) - self.links_accel_bias
         if len(self.sensors.imu_places):
-            change = estimate.sensors.values[self.sensors.imu_places] - self.sensors.links_at
+            change = estimate.sensors.since(self.sensors.links_at)[self.sensors.imu_places]
             gyro = gyro + self.sensors.gyro @ change
             accel = accel + self.sensors.accel @ change
         return gyro, accel

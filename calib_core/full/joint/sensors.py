@@ -21,14 +21,14 @@ class SensorColumns:
     """How the sensors' own parameters, a vector of N (nuisance.py), enter the factors. Places are in that vector, -1: none.
 
     imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
-    links_at: (n,) their values when the links were integrated.   clock_place, clock_middle_s: of the clocks' rate, and the
+    links_at: the sensors as the links were integrated for.   clock_place, clock_middle_s: of the clocks' rate, and the
     lidar's time at which it adds nothing.   laser_places: (lasers, 14), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     gyro: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
     accel: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
-    links_at: FloatArray = field(default_factory=lambda: np.zeros(0))
+    links_at: SensorState = SensorState()  # noqa: RUF009  frozen
     clock_place: int = -1
     clock_middle_s: float = 0.0
     laser_places: IntArray = field(default_factory=lambda: np.full((1, COLUMNS), -1))
@@ -70,15 +70,14 @@ def sensor_columns(sensors: SensorState, readings: UpsampledImu, R: FloatArray, 
     of_tones = [tone_columns(hz, own, at_times) for hz, own in zip(nuisance.tones_hz, tones, strict=True)]
     gyro = np.concatenate([gyro[:, :, picked], *(columns[:, :3] for columns in of_tones)], axis=2)
     accel = np.concatenate([accel[:, :, picked], *(columns[:, 3:] for columns in of_tones)], axis=2)
-    imu_places = np.array(places, np.int64)
-    links_at = sensors.values[imu_places]
-    delay = nuisance.start("accelerometer_delay")
-    links_at[imu_places == delay] = readings.accel_delay_s
+    links_at = sensors.values.copy()
+    if (delay := nuisance.start("accelerometer_delay")) >= 0:
+        links_at[delay] = readings.accel_delay_s
     return SensorColumns(
-        imu_places=imu_places,
+        imu_places=np.array(places, np.int64),
         gyro=gyro,
         accel=accel,
-        links_at=links_at,
+        links_at=SensorState(nuisance, links_at),
         clock_place=nuisance.start("clock_rate"),
         clock_middle_s=clock_middle_s,
         laser_places=laser_places(nuisance),
