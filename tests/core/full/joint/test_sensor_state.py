@@ -10,6 +10,7 @@ import pytest
 from calib_core.factors.patches import SurfacePatches
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.sensor_state import SensorState
+from calib_core.full.joint.sensors import true_readings
 from calib_core.full.prepare.nuisance import (
     LATE,
     MATERIAL,
@@ -19,6 +20,7 @@ from calib_core.full.prepare.nuisance import (
     NuisanceBlock,
     choose_nuisance,
 )
+from calib_core.geometry import exp
 from calib_core.intrinsics import KINDS, NAMES, UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
@@ -130,6 +132,23 @@ def test_two_tones_that_are_near_are_two() -> None:
     two = Nuisance().with_tone(11.0031, 1e-4, 0.0).with_tone(11.0042, 1e-4, 0.0)
     values: FloatArray = np.arange(50.0)
     assert SensorState(two, values).onto(two.with_tone(3.0, 1e-4, 0.0)).of(TONE)[:50].tolist() == values.tolist()
+
+
+def test_what_shakes_from_the_room_does_so_in_any_frame(half: Half) -> None:
+    """Oracle: the readings of an ideal IMU, which know no map. Mutations: the map turned without the tones' axes; the other way
+    round; the first tone's alone; the sensors' own values turned along."""
+    blocks = EVERY.with_tone(1.4, 0.01, 1.0).with_tone(7.0, 0.01, 1.0).with_surface(PATCHES, 0.003, 2.0)
+    sensors = SensorState(blocks, 0.1 * np.random.default_rng(0).normal(size=blocks.size) * blocks.prior_std)
+    here = replace(half.state.estimate, sensors=sensors)
+    there = here.seen_from(exp(np.array([0.4, -1.1, 0.7])), np.array([2.0, -1.0, 0.5]))
+    readings = half.data.readings.part(0, half.state.knots)
+    one, other = (true_readings(readings, each.sensors, each.states.R) for each in (here, there))
+    np.testing.assert_allclose(other.knot_gyro, one.knot_gyro, atol=1e-9)
+    np.testing.assert_allclose(other.knot_accel, one.knot_accel, atol=1e-9)
+    assert np.abs(one.knot_accel - readings.knot_accel).max() > 1e-3
+    for block in blocks.blocks:
+        is_same = np.array_equal(there.sensors.of(block.block), sensors.of(block.block))
+        assert is_same is (block.block != TONE)
 
 
 def test_what_does_not_fit_together_is_refused() -> None:
