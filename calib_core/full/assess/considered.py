@@ -46,7 +46,7 @@ def consider(problem: JointProblem, estimate: Estimate, prior_std: FloatArray) -
     every[free] = covariance(A).matrix @ B * prior_std
     shift = every[:CALIBRATION]
     seven = shift / UNITS[:, None]
-    value = estimate.nuisance[: len(prior_std)] + solution.step_shared[own]
+    value = estimate.sensors.onto(estimate.sensors.blocks.sensors).values + solution.step_shared[own]
     return Considered(seven @ seven.T, shift, value, parameter_std(solution.information, own, free))
 
 

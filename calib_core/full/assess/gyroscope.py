@@ -16,7 +16,6 @@ import numpy as np
 import scipy
 
 from calib_core.full.joint.estimation import Solved
-from calib_core.full.joint.sensors import imu_intrinsics
 from calib_core.full.joint.state import ROTATION
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import quaternion_xyzw
@@ -45,7 +44,7 @@ def gyroscope_axes(solved: Solved, stated: FloatArray) -> GyroscopeAxes | None:
     turned = turned + vectors @ (np.maximum(values, 0.0)[:, None] * vectors.T)
     if np.sqrt(np.diag(turned).max()) > _UNKNOWN_RAD:
         return None
-    matrix = imu_intrinsics(solved.nuisance, solved.estimate.nuisance).gyro
+    matrix = solved.estimate.sensors.imu().gyro
     R = scipy.linalg.polar(matrix)[0] @ solved.estimate.R_imu_lidar
     return GyroscopeAxes(
         quaternion_xyzw=quaternion_xyzw(R), rotation_std_deg=np.degrees(np.sqrt(np.diag(turned))).tolist()

@@ -29,8 +29,7 @@ import scipy
 from calib_core.full.assess.disagreement import Disagreement
 from calib_core.full.assess.settings import APART, BENDING, FILTERED, AccelerometersApart, Bending, Filtered
 from calib_core.full.joint.estimation import Estimation, Solved
-from calib_core.full.joint.present import problem_of
-from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.round import with_bins
 from calib_core.full.joint.tones import bare
 from calib_core.full.joint.walks import with_usual_walks
 from calib_core.full.prepare.nuisance import LATE, LOW_PASS, QUADRATIC, SIZE_EFFECT, SKEW, SPREAD, Nuisance, priors_of
@@ -120,7 +119,7 @@ def still_show(solved: Solved) -> bool:
     for block in blocks:
         place, rule = solved.nuisance.places[block], _RULES[block]
         own, of = slice(start + place.start, start + place.stop), _directions(solved.nuisance, block)
-        value, allowed = of.T @ solved.estimate.nuisance[place], float(solved.nuisance.prior_std[place.start])
+        value, allowed = of.T @ solved.estimate.sensors.of(block), float(solved.nuisance.prior_std[place.start])
         told = told_of(value, of.T @ spread[own, own] @ of, allowed, APART.told, rule.fewest)
         if told is not None and told.chance() < rule.chance:
             return True
@@ -150,7 +149,8 @@ def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block
     tried = solved.state
     for block in asked:
         tried = with_late(tried, block, stds[block])
-    problem, nuisance = problem_with_late(solved, tried), tried.nuisance
+    # The end's own points, as they were gathered when fewer were in play.
+    problem, nuisance = with_bins(solved.data, tried, solved.problem.bins), tried.nuisance
     try:
         solution = solve_arrow(problem.linearise(tried.estimate))
         spread = covariance(solution.information).matrix
@@ -170,18 +170,6 @@ def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block
     return told
 
 
-def problem_with_late(solved: Solved, tried: Estimation) -> JointProblem:
-    """The end's own problem with more unknowns: its points as they were gathered, where the sensors' parameters were then."""
-    before, laid_out = solved.nuisance, solved.problem.bins.nuisance
-    at = [
-        laid_out[before.places[each.block]]
-        if len(laid_out) and each.block in before.places
-        else np.zeros(len(each.names))
-        for each in tried.nuisance.blocks
-    ]
-    return replace(problem_of(solved.data, tried), bins=replace(solved.problem.bins, nuisance=np.concatenate(at)))
-
-
 def told_of(value: FloatArray, spread: FloatArray, prior: float, known_to: float, fewest: int) -> Told | None:
     """Of what a step tells of parameters (N,), with its covariance (N, N), where each was allowed this standard deviation.
 
@@ -197,8 +185,4 @@ def told_of(value: FloatArray, spread: FloatArray, prior: float, known_to: float
 
 def with_late(state: Estimation, block: Block, std: float) -> Estimation:
     """With one of them among the unknowns, so large: of which nothing is known yet, or as it is where it was among them."""
-    nuisance, before, values = state.nuisance.with_late(block, std), state.nuisance.places, state.estimate.nuisance
-    place = nuisance.places[block]
-    own = values[before[block]] if block in before else np.zeros(place.stop - place.start)
-    others = np.delete(values, before[block]) if block in before else values
-    return state.with_nuisance(nuisance, np.insert(others, place.start, own))
+    return state.with_nuisance(state.nuisance.with_late(block, std))

@@ -23,7 +23,7 @@ def told_materials(solved: Solved) -> tuple[tuple[str, str], ...]:
     assert solved.minimum.solution is not None
     start = solved.problem.layout(solved.estimate).nuisance().start
     std = parameter_std(solved.minimum.solution.information, slice(start + place.start, start + place.stop))
-    long_m = -solved.estimate.nuisance[place]
+    long_m = -solved.estimate.sensors.of(MATERIAL)
     off = np.flatnonzero(np.abs(long_m) > WORDING.off_sigmas * std)
     if len(off) == 0:
         return ()

@@ -50,7 +50,7 @@ def sensor_findings(solved: Solved, considered: Considered | None, unexplained: 
     sensors = solved.nuisance.sensors
     if not sensors.blocks:
         return SensorFindings((), ())
-    values, state, doubtful = solved.estimate.nuisance, "estimated", False
+    values, state, doubtful = solved.estimate.sensors.onto(sensors).values, "estimated", False
     if considered is not None:
         values, std, state = considered.value, considered.std, "considered"
     else:

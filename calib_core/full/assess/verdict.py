@@ -22,7 +22,6 @@ from calib_core.full.initialise.profile import offset_profile
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import plane_residuals
-from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics
 from calib_core.full.run import Clocks, Run
 from calib_core.presets import random_walks
 from calib_core.result import Evidence, Message, PlaneQuality
@@ -81,7 +80,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
     sensors = sensor_findings(solved, trust.considered, trust.sensors_unexplained)
     counted = told_considered(sensors.parameters, knowledge.covariance)
     told = (*sensors.sentences, *told_materials(solved), *counted, *told_cost(run, solved, trust.considered))
-    imu, clock = imu_intrinsics(solved.nuisance, e.nuisance), sensors.find("clock_rate")
+    imu, clock = e.sensors.imu(), sensors.find("clock_rate")
     rate = run.recording.imu.gyro_rad_s
     turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))
     planes, weak = plane_qualities(solved), weak_directions(knowledge)
@@ -123,7 +122,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
 def evidence(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Evidence:
     """What parts of the recording answer, and what the turning alone says of the time offset."""
     e, imu = solved.estimate, run.recording.imu
-    rate_ppm = clock_rate_ppm(solved.nuisance, e.nuisance)
+    rate_ppm = e.sensors.clock_rate_ppm()
     return Evidence(
         parts=parts_of(trust.apart, e, run.clocks, rate_ppm, [plane.name for plane in solved.planes]),
         time_offset_profile=offset_profile(lidar, run.clocks.imu_s, imu.gyro_rad_s, e.time_offset_s),
@@ -168,5 +167,5 @@ def trajectory_of(clocks: Clocks, solved: Solved) -> Trajectory:
     linked = solved.problem.readings.linked
     valid = np.concatenate([linked, [True]]) & np.concatenate([[True], linked])
     R0, p0 = solved.map_pose
-    times_s = clocks.as_stamped(knots + e.time_offset_s, clock_rate_ppm(solved.nuisance, e.nuisance))
+    times_s = clocks.as_stamped(knots + e.time_offset_s, e.sensors.clock_rate_ppm())
     return Trajectory(clocks.lidar_epoch_ns, times_s, R0.T @ poses.R, (poses.p - p0) @ R0, valid, clocks.late_ns)

@@ -32,7 +32,7 @@ def associate(
     def whole(batch: Sequence[int]) -> Micro:
         e = view.estimate
         micro = view.whole_scans(batch, noise, gate, extents)
-        return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
+        return replace(micro, laid_out_at=e.sensors, time_offset_s=e.time_offset_s)
 
     if cap is None and stride == 1 and view.nuisance.surface is None:
         return Micro.joined(over_batches(view, positions, 1, whole, on_scans, most=view.most_as_one(positions)))
@@ -45,7 +45,7 @@ def associate(
             keep = _capped(hits, keep, cap, seed=view.settings.random_seed + batch[0])
         e = view.estimate
         micro = view.collapsed(batch, hits, keep, weight, stride)
-        return replace(micro, nuisance=e.nuisance, time_offset_s=e.time_offset_s)
+        return replace(micro, laid_out_at=e.sensors, time_offset_s=e.time_offset_s)
 
     if cap is None:
         return Micro.joined(over_batches(view, positions, stride, some, on_scans))

@@ -89,13 +89,10 @@ class SensorsAstray(Refused):
 def require_sensors(state: Estimation, most: float) -> None:
     """Raises SensorsAstray where a parameter is further from its prior than a sensor that works can be. For the end of a solve:
     on the way, with a door still among the planes, one may well go astray and come back."""
-    at = 0
     for block in state.nuisance.sensors.blocks:
-        values = state.estimate.nuisance[at : at + len(block.prior_std)]
-        away = np.abs(values) / block.prior_std
+        away = np.abs(state.estimate.sensors.of(block.block)) / block.prior_std
         if away.max(initial=0.0) > most:
             raise SensorsAstray(sensor_block(block), float(away.max()))
-        at += len(block.prior_std)
 
 
 def _require_near_start(data: JointData, state: Estimation) -> None:

@@ -60,7 +60,7 @@ def _laid_out(solved: Solved, lasers: int) -> Iterator[ByLaser]:
         moments = gather_lasers(apart, motion, estimate, micro.time_offset_s, keys)
         knot, plane = np.divmod(keys, len(estimate.normals))
         none, offset_s = np.zeros(0, np.int64), estimate.time_offset_s
-        bins = Bins(knot, plane, np.zeros((0, 5, 5)), none, offset_s, moments, micro.nuisance)
+        bins = Bins(knot, plane, np.zeros((0, 5, 5)), none, offset_s, moments, micro.laid_out_at)
         yield ByLaser(replace(problem.lidar, bins=bins, sensors=sensors), lasers)
 
 
@@ -80,14 +80,13 @@ def _laid_out_again(solved: Solved, lasers: int) -> Iterator[ByLaser]:
     problem, state, estimate, size = solved.problem, solved.state, solved.estimate, solved.nuisance.size
     offsets = NuisanceBlock("laser_range_offset", tuple(map(str, range(lasers))), np.zeros(lasers))
     told_apart = replace(state.nuisance, blocks=(*state.nuisance.blocks, offsets))
-    with_offsets = replace(estimate, nuisance=np.append(estimate.nuisance, np.zeros(lasers)))
+    with_offsets = replace(estimate, sensors=estimate.sensors.onto(told_apart))
     places = laser_places(told_apart)
     sensors = replace(problem.sensors, laser_places=np.where(places < size, places, -1))
     motion, gate = problem.motion(estimate), gate_of(state, 0.0, Sampling())
-    view = view_of(solved.data.run, motion, with_offsets, told_apart)
+    view = view_of(solved.data.run, motion, with_offsets)
     at_once = MOST_THREADS * view.most_as_one(state.positions)
     for first in range(0, len(state.positions), at_once):
         micro = associate(view, state.positions[first : first + at_once], state.lidar_noise, gate, state.support)
         bins = gather(micro, motion, with_offsets)
-        bins = replace(bins, nuisance=bins.nuisance[:size])
         yield ByLaser(replace(problem.lidar, bins=bins, sensors=sensors), lasers)

@@ -14,7 +14,6 @@ from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.policies import Limits
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.sensors import clock_rate_ppm
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate
 from calib_core.full.joint.view import View
@@ -48,11 +47,11 @@ class LastView:
 
     view: View | None = None
 
-    def of(self, run: Run, motion: Motion, estimate: Estimate, nuisance: Nuisance) -> View:
+    def of(self, run: Run, motion: Motion, estimate: Estimate) -> View:
         """The scans under an estimate, laid out once however often they are asked for."""
         if self.view is None or self.view.estimate is not estimate:
             before = self.view
-            self.view = view_of(run, motion, estimate, nuisance)
+            self.view = view_of(run, motion, estimate)
             if before is not None:
                 self.view.few.update(before.few)
         return self.view
@@ -131,11 +130,11 @@ class Estimation:
     """What is known at one moment.
 
     estimate: its knots are the first `knots` of the data's.   planes: in the order of its normals.   positions: scans in
-    play, ascending.   nuisance: the sensors' own parameters in play, none before they are admitted.   support: the cells
-    that each plane is known to fill.   observations: points given to planes, None where they have to be given anew.
-    minimum: where the last round ended.   rounds, iterations: how many there were.   untuned: what pulls at the readings has
-    shown to be no tone (tones.py), and none is looked for any more.   shape_shift: (7,) by how much the calibration went with the
-    shapes of planes, where these could not be estimated along (surface.py): turns about the lidar's axes [rad], metres, seconds.
+    play, ascending.   support: the cells that each plane is known to fill.   observations: points given to planes, None where
+    they have to be given anew.   minimum: where the last round ended.   rounds, iterations: how many there were.   untuned: what
+    pulls at the readings has shown to be no tone (tones.py), and none is looked for any more.   shape_shift: (7,) by how much the
+    calibration went with the shapes of planes, where these could not be estimated along (surface.py): turns about the lidar's
+    axes [rad], metres, seconds.
     """
 
     estimate: Estimate
@@ -143,7 +142,6 @@ class Estimation:
     planes: tuple[MapPlane, ...]
     positions: tuple[int, ...]
     lidar_noise: LidarNoise
-    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
     support: PlaneExtents | None = None
     observations: Micro | None = None
     minimum: Minimum[Estimate] | None = None
@@ -158,6 +156,11 @@ class Estimation:
         return len(self.estimate.states.p)
 
     @property
+    def nuisance(self) -> Nuisance:
+        """The sensors' own parameters in play, none before they are admitted."""
+        return self.estimate.sensors.blocks
+
+    @property
     def information(self) -> FloatArray | None:
         """Of the shared unknowns (S, S), where the last round ended; None where there was none."""
         solution = self.minimum.solution if self.minimum is not None else None
@@ -167,30 +170,18 @@ class Estimation:
         """The same, points to be given to planes anew: for who holds on to a state while another is made. They are most of it."""
         return replace(self, observations=None)
 
-    def with_nuisance(self, nuisance: Nuisance, values: FloatArray) -> Estimation:
-        """With other parameters of the sensors in play, at values (k,): what was gathered and where it ended were of the old."""
-        return replace(
-            self,
-            nuisance=nuisance,
-            estimate=replace(self.estimate, nuisance=values),
-            priors=replace(self.priors, nuisance_std=nuisance.prior_std, whiteners=nuisance.whiteners),
-            observations=None,
-            minimum=None,
-        )
+    def with_nuisance(self, blocks: Nuisance) -> Estimation:
+        """With these parameters of the sensors in play: what was gathered and where it ended were of those before."""
+        estimate = replace(self.estimate, sensors=self.estimate.sensors.onto(blocks))
+        return replace(self, estimate=estimate, observations=None, minimum=None)
 
     def with_priors_of(self, sensors: Nuisance) -> Estimation:
         """With these for the sensors' own parameters: what is known of them, by the priors that these have."""
-        before, values = self.nuisance, self.estimate.nuisance
+        before = self.nuisance
         for late in LATE:  # in no list of what is unknown from the start
             if late in before.places:
-                sensors = sensors.with_late(late, float(before.prior_std[before.places[late]][0]))
-        known = [
-            values[before.places[each.block]] if each.block in before.places else np.zeros(len(each.names))
-            for each in sensors.blocks
-        ]
-        own = len(before.sensors.blocks)
-        now = replace(before, blocks=(*sensors.blocks, *before.blocks[own:]))
-        return self.with_nuisance(now, np.concatenate([*known, values[before.sensors.size :]]))
+                sensors = sensors.with_late(late, float(before.values(before.prior_std, late)[0]))
+        return self.with_nuisance(before.with_sensors(sensors))
 
 
 @dataclass(frozen=True)
@@ -209,10 +200,14 @@ class Solved:
     planes: tuple[MapPlane, ...]
     rounds: int
     iterations: int
-    nuisance: Nuisance
     data: JointData
     state: Estimation
     shared: SharedEquations
+
+    @property
+    def nuisance(self) -> Nuisance:
+        """The sensors' own parameters in play."""
+        return self.estimate.sensors.blocks
 
     @property
     def map_pose(self) -> tuple[FloatArray, FloatArray]:
@@ -227,7 +222,7 @@ def lidar_pose(motion: Motion, estimate: Estimate, lidar_s: float) -> tuple[Floa
     return pose.R[0], pose.p[0]
 
 
-def view_of(run: Run, motion: Motion, estimate: Estimate, nuisance: Nuisance) -> View:
+def view_of(run: Run, motion: Motion, estimate: Estimate) -> View:
     """The scans under a motion and an estimate."""
-    clocks = run.clocks.at_rate(clock_rate_ppm(nuisance, estimate.nuisance))
-    return View(run.recording.scans, clocks, motion, estimate, run.settings, run.threads, nuisance)
+    clocks = run.clocks.at_rate(estimate.sensors.clock_rate_ppm())
+    return View(run.recording.scans, clocks, motion, estimate, run.settings, run.threads)

@@ -188,7 +188,7 @@ class LidarFactors:
 
     def laser_changes(self, estimate: Estimate) -> FloatArray:
         """(L, 14) of each laser's columns since the points were laid out."""
-        return self._by_laser(estimate.nuisance - self.bins.nuisance)
+        return self._by_laser(estimate.sensors.since(self.bins.laid_out_at))
 
     def _by_laser(self, values: FloatArray) -> FloatArray:
         """(L, 14, ..) of each laser's columns, of values (N, ..) of the sensors' own parameters; zero of what is not in play."""
@@ -235,7 +235,8 @@ class LidarFactors:
         place = self.sensors.clock_place
         if place < 0:
             return 0.0
-        return np.asarray((estimate.nuisance[place] - self.bins.nuisance[place]) * self._clock_lever_s(estimate, knot))
+        change_ppm = estimate.sensors.clock_rate_ppm() - self.bins.laid_out_at.clock_rate_ppm()
+        return np.asarray(change_ppm * self._clock_lever_s(estimate, knot))
 
     def _clock_lever_s(self, estimate: Estimate, knot: IntArray) -> FloatArray:
         """Seconds of offset for a ppm of rate, at knots."""

@@ -6,14 +6,15 @@ has moved since only moves moments: to the nearest knot, where those of one plan
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from calib_core.factors.laser_features import LaserFactors, LaserSums, move_and_sum_features, summed_grams
 from calib_core.factors.lidar_plane import move_and_sum
 from calib_core.full.joint.motion import Motion
-from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.joint.sensor_state import SensorState
+from calib_core.full.joint.state import Bins, Estimate, no_bins
 from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray, IntArray
 
@@ -54,7 +55,7 @@ class Micro:
     """Micro-bins of many scans. time_s: (B,) slice centres, lidar clock. scan: (B,) position. plane, scatter, count as there.
 
     lasers: None where the lidar is taken for ideal.   apart: where its points lie laser by laser nevertheless, for whoever asks;
-    None where nobody has.   nuisance: (N,) the values with which the points were laid out, and time_offset_s.
+    None where nobody has.   laid_out_at: the sensors as they were thought to be when the points were laid out, and time_offset_s.
     """
 
     time_s: FloatArray
@@ -64,7 +65,7 @@ class Micro:
     count: IntArray
     lasers: LaserMicro | None = None
     apart: LaserMicro | None = None
-    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    laid_out_at: SensorState = SensorState()  # noqa: RUF009  frozen
     time_offset_s: float = 0.0
 
     @staticmethod
@@ -73,7 +74,7 @@ class Micro:
         time_s, scan, plane, count = (
             np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "scan", "plane", "count")
         )
-        nuisance, time_offset_s = parts[0].nuisance, parts[0].time_offset_s
+        laid_out_at, time_offset_s = parts[0].laid_out_at, parts[0].time_offset_s
         lasers = [part.lasers for part in parts if part.lasers is not None]
         apart = [part.apart for part in parts if part.apart is not None]
         scatter, end = np.empty((len(plane), *parts[0].scatter.shape[1:])), len(plane)
@@ -82,7 +83,7 @@ class Micro:
             scatter[end - len(own) : end] = own
             end -= len(own)
         told_apart, beside = LaserMicro.joined(lasers), LaserMicro.joined(apart)
-        return Micro(time_s, scan, plane, scatter, count, told_apart, beside, nuisance, time_offset_s)
+        return Micro(time_s, scan, plane, scatter, count, told_apart, beside, laid_out_at, time_offset_s)
 
     def part(self, some: BoolArray) -> Micro:
         """Those of a mask (B,), without the lasers' moments."""
@@ -105,18 +106,16 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     of_slice = of_slice[use]
     n_planes = len(estimate.normals)
     key = knot[of_slice] * n_planes + micro.plane[use]
-    # Points that were laid out for an ideal lidar are those of one whose parameters are zero.
-    laid_out = micro.nuisance if len(micro.nuisance) else np.zeros(len(estimate.nuisance))
+    laid_out_at = micro.laid_out_at
     if len(key) == 0:
-        empty = np.zeros(0, np.int64)
-        return Bins(empty, empty, np.zeros((0, 5, 5)), empty, estimate.time_offset_s, LaserFactors.empty(), laid_out)
+        return replace(no_bins(estimate.time_offset_s), laid_out_at=laid_out_at)
     keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
     count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
     lasers = LaserFactors.empty()
     if micro.lasers is not None:
         lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s, keys)
         scatter = agreeing(scatter, lasers)
-    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out)
+    return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out_at)
 
 
 def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:

@@ -177,10 +177,8 @@ def only_planes(state: Estimation, keep: BoolArray, single: BoolArray, rules: Pl
         aside_normals=np.vstack([e.aside_normals, e.normals[aside]]),
         aside_offsets_m=np.append(e.aside_offsets_m, e.offsets_m[aside]),
     )
-    nuisance, values = state.nuisance.of_planes(keep, e.nuisance)
-    if nuisance.materials < state.nuisance.materials:
-        state = state.with_nuisance(nuisance, values)
-    return replace(state, estimate=replace(estimate, nuisance=values), planes=planes, observations=None)
+    state, left = replace(state, estimate=estimate, planes=planes, observations=None), state.nuisance.of_planes(keep)
+    return state if left is state.nuisance else state.with_nuisance(left)
 
 
 def over_usual(badness: FloatArray, points: FloatArray, least: float = 1e-30) -> FloatArray:

@@ -10,7 +10,7 @@ from calib_core.factors.support import cells_within
 from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.sensors import clock_rate_ppm, imu_intrinsics, sensor_columns, true_readings
+from calib_core.full.joint.sensors import sensor_columns, true_readings
 from calib_core.full.joint.state import TIME_OFFSET, Estimate, Layout
 from calib_core.full.joint.view import View
 from calib_core.imu.preintegration import UpsampledImu
@@ -39,23 +39,23 @@ def first_used_s(data: JointData, state: Estimation) -> float:
 
 
 def _scan_s(data: JointData, state: Estimation, position: int) -> float:
-    rate_ppm = clock_rate_ppm(state.nuisance, state.estimate.nuisance)
+    rate_ppm = state.estimate.sensors.clock_rate_ppm()
     return float(data.run.clocks.at_rate(rate_ppm).scan_s[position])
 
 
 def present_view(data: JointData, state: Estimation) -> View:
     """The scans under the present estimate."""
-    return data.laid_out.of(data.run, motion_of(data, state), state.estimate, state.nuisance)
+    return data.laid_out.of(data.run, motion_of(data, state), state.estimate)
 
 
 def readings_of(data: JointData, state: Estimation) -> UpsampledImu:
     """The readings over the estimated knots, without the IMU's own scale, axes and delay and what shook it unseen, as these are
     thought to be."""
-    if not state.nuisance.blocks:
+    e = state.estimate
+    if not e.sensors.blocks.blocks:
         return data.readings.part(0, state.knots)
-    intrinsics = imu_intrinsics(state.nuisance, state.estimate.nuisance)
-    asked = data.asked.at(data.run, data.readings, intrinsics.accel_delay_s)
-    return true_readings(asked.part(0, state.knots), state.nuisance, state.estimate.nuisance, state.estimate.states.R)
+    asked = data.asked.at(data.run, data.readings, e.sensors.imu().accel_delay_s)
+    return true_readings(asked.part(0, state.knots), e.sensors, e.states.R)
 
 
 def motion_of(data: JointData, state: Estimation) -> Motion:
@@ -71,7 +71,7 @@ def problem_of(data: JointData, state: Estimation) -> JointProblem:
     nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
     problem = replace(
         JointProblem.linked(readings, nodes, e, state.priors, data.run.noise.density, gauge_knot=data.gauge),
-        sensors=sensor_columns(state.nuisance, e.nuisance, readings, e.states.R, data.run.clocks.middle_s),
+        sensors=sensor_columns(e.sensors, readings, e.states.R, data.run.clocks.middle_s),
         planes_hold_frame=not data.run.settings.estimate_planes,
     )
     return replace(problem, frozen=frozen_columns(data, problem, e))

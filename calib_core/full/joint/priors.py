@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,8 +41,7 @@ class Priors:
     R_reference: rotation priors are turns away from it.   gravity_m_s2, gravity_std_m_s2: std 0 fixes the magnitude.
     standing: on calibration columns 0..6, so wide that they only keep every number finite.   given: on the same columns, what a
     person knows, which the recording is held against (assess/given.py).   bias walk densities: per sqrt(s); 0 with a single
-    node.   nuisance_std: (N,) of the sensors' own parameters about those of ideal ones.   whiteners: of those that are correlated
-    their place among them, and (n, n) that makes them white.
+    node.   What is known of the sensors' own parameters comes with these (prepare/nuisance.py).
     """
 
     R_reference: FloatArray
@@ -55,8 +54,6 @@ class Priors:
     gyro_walk: float = USUAL_WALK[0]
     accel_walk: float = USUAL_WALK[1]
     held: tuple[Held, ...] = ()
-    nuisance_std: FloatArray = field(default_factory=lambda: np.zeros(0))
-    whiteners: tuple[tuple[slice, FloatArray], ...] = ()
 
     @property
     def rows(self) -> tuple[PriorRow, ...]:
@@ -91,8 +88,8 @@ def prior_rows(priors: Priors, nodes: BiasNodes, estimate: Estimate, layout: Lay
         _of_biases(
             estimate.accel_bias, layout.accel_bias(), layout, nodes, priors.accel_bias_std_m_s2, priors.accel_walk
         ),
-        _of_sensors(priors, estimate, layout),
-        *(_together(estimate, layout, place, whitener) for place, whitener in priors.whiteners),
+        _of_sensors(estimate, layout),
+        *(_together(estimate, layout, place, whitener) for place, whitener in estimate.sensors.blocks.whiteners),
     ]
     return np.concatenate([residual for residual, _ in kinds]), np.concatenate([jacobian for _, jacobian in kinds])
 
@@ -138,13 +135,14 @@ def _of_biases(
     return residual.ravel(), jacobian.reshape(-1, layout.size)
 
 
-def _of_sensors(priors: Priors, estimate: Estimate, layout: Layout) -> _Rows:
+def _of_sensors(estimate: Estimate, layout: Layout) -> _Rows:
     """Of the sensors' own parameters those that are correlated with no other: a row each."""
-    correlated = {k for place, _ in priors.whiteners for k in range(place.start, place.stop)}
-    alone = np.array([k for k in range(len(priors.nuisance_std)) if k not in correlated], np.int64)
+    sensors = estimate.sensors
+    correlated = {k for place, _ in sensors.blocks.whiteners for k in range(place.start, place.stop)}
+    alone = np.array([k for k in range(len(sensors.values)) if k not in correlated], np.int64)
     jacobian = np.zeros((len(alone), layout.size))
-    jacobian[np.arange(len(alone)), layout.nuisance().start + alone] = 1.0 / priors.nuisance_std[alone]
-    return (estimate.nuisance / priors.nuisance_std)[alone], jacobian
+    jacobian[np.arange(len(alone)), layout.nuisance().start + alone] = 1.0 / sensors.blocks.prior_std[alone]
+    return (sensors.values / sensors.blocks.prior_std)[alone], jacobian
 
 
 def _together(estimate: Estimate, layout: Layout, place: slice, whitener: FloatArray) -> _Rows:
@@ -152,4 +150,4 @@ def _together(estimate: Estimate, layout: Layout, place: slice, whitener: FloatA
     jacobian = np.zeros((len(whitener), layout.size))
     start = layout.nuisance().start
     jacobian[:, start + place.start : start + place.stop] = whitener
-    return whitener @ estimate.nuisance[place], jacobian
+    return whitener @ estimate.sensors.values[place], jacobian

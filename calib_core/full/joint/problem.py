@@ -57,12 +57,11 @@ class JointProblem:
         """The readings' links about the estimate's biases, and no points yet."""
         bg, ba = nodes.at_links(estimate.gyro_bias), nodes.at_links(estimate.accel_bias)
         links = preintegrate(readings, bg, ba, density)
-        bins = replace(no_bins(estimate.time_offset_s), nuisance=estimate.nuisance)
-        return JointProblem(readings, nodes, links, bg, ba, bins, priors, gauge_knot)
+        return JointProblem(readings, nodes, links, bg, ba, no_bins(estimate.time_offset_s), priors, gauge_knot)
 
     def layout(self, estimate: Estimate) -> Layout:
         """The shared columns for this number of nodes, planes and parameters of the sensors."""
-        return Layout(len(self.nodes.times_s), len(estimate.normals), len(estimate.nuisance))
+        return Layout(len(self.nodes.times_s), len(estimate.normals), estimate.sensors.blocks.size)
 
     @property
     def lidar(self) -> LidarFactors:
@@ -118,7 +117,7 @@ class JointProblem:
         gyro = self.nodes.at_links(estimate.gyro_bias) - self.links_gyro_bias
         accel = self.nodes.at_links(estimate.accel_bias) - self.links_accel_bias
         if len(self.sensors.imu_places):
-            change = estimate.nuisance[self.sensors.imu_places] - self.sensors.links_at
+            change = estimate.sensors.since(self.sensors.links_at)[self.sensors.imu_places]
             gyro = gyro + self.sensors.gyro @ change
             accel = accel + self.sensors.accel @ change
         return gyro, accel

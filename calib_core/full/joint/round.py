@@ -24,7 +24,6 @@ from calib_core.full.joint.policies import Round, Sampling
 from calib_core.full.joint.present import frozen_columns, map_pose, outlined_cells, present_view, problem_of
 from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.sensors import seen_from
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Bins, Estimate
 from calib_core.full.joint.undetermined import (
@@ -182,11 +181,7 @@ def gathered(data: JointData, state: Estimation) -> JointProblem:
 
 def with_bins(data: JointData, state: Estimation, bins: Bins) -> JointProblem:
     """The same with points as they were gathered when fewer of the sensors' parameters were in play."""
-    assert state.observations is not None
-    laid_out = state.observations.nuisance
-    if len(laid_out) == 0:  # for an ideal lidar: that of one whose parameters are zero
-        laid_out = np.zeros(len(state.estimate.nuisance))
-    return replace(problem_of(data, state), bins=replace(bins, nuisance=laid_out))
+    return replace(problem_of(data, state), bins=bins)
 
 
 def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimation:
@@ -254,5 +249,4 @@ def anchored(data: JointData, state: Estimation) -> Estimation:
     Planes' cells are counted in the map frame: it must not depend on where the search began.
     """
     R, p = map_pose(data, state)
-    seen = state.estimate.seen_from(R, p)
-    return replace(state, estimate=replace(seen, nuisance=seen_from(state.nuisance, seen.nuisance, R)))
+    return replace(state, estimate=state.estimate.seen_from(R, p))

@@ -46,9 +46,8 @@ def beyond_sheets(solved: Solved) -> Beyond | None:
     if any(plane.fault for plane in solved.planes):
         return None
     found = []
-    sensors = solved.nuisance.sensors
-    for each in sensors.blocks:
-        scaled = solved.estimate.nuisance[sensors.places[each.block]] / each.prior_std
+    for each in solved.nuisance.sensors.blocks:
+        scaled = solved.estimate.sensors.of(each.block) / each.prior_std
         square = float(scaled @ scaled)
         if square > scipy.special.chdtri(len(scaled), SHEETS.chance):
             found.append(Beyond(sensor_block(each), float(np.sqrt(square / len(scaled)))))

@@ -261,8 +261,7 @@ def with_rough_surface(data: JointData, state: Estimation, schedule: Schedule) -
     surface, rules = state.nuisance.surface, schedule.surfaces
     if surface is None or not is_rough(state, rules):
         return state
-    nuisance = state.nuisance.with_surface(surface, unevenness_m(state), rules.alike_m)
-    wider = state.with_nuisance(nuisance, state.estimate.nuisance).without_points()
+    wider = state.with_nuisance(state.nuisance.with_surface(surface, unevenness_m(state), rules.alike_m))
     rough = near_rest(data.portion(1.0, 1.0), wider, schedule.settling, schedule.sampling, soon=rules.rounds).state
     if is_bent_wall(rough, rules):
         return rough
@@ -289,20 +288,17 @@ def admit_sensors(data: JointData, state: Estimation) -> Estimation:
     """From here on the sensors' own parameters are unknowns: before, the motion is too rough for them to show."""
     if not data.sensors.blocks:
         return state
-    nuisance = data.sensors.with_tones_of(state.nuisance)
-    values = np.concatenate([np.zeros(data.sensors.size), state.estimate.nuisance])
-    return admit_materials(data, state.with_nuisance(nuisance, values))
+    return admit_materials(data, state.with_nuisance(state.nuisance.with_sensors(data.sensors)))
 
 
 def admit_materials(data: JointData, state: Estimation) -> Estimation:
     """And what each plane's material does to ranges: walls that are dark or let light in read long or short beside the others,
     and lasers' angles would answer for it. The same state where that is known already, or the sensors are held.
     """
-    nuisance, own = state.nuisance.with_materials(len(state.planes)), state.nuisance.sensors.size
-    more = nuisance.size - state.nuisance.size
-    if more == 0 or data.run.settings.intrinsics == "consider":
+    nuisance = state.nuisance.with_materials(len(state.planes))
+    if nuisance is state.nuisance or data.run.settings.intrinsics == "consider":
         return state
-    return state.with_nuisance(nuisance, np.insert(state.estimate.nuisance, own, np.zeros(more)))
+    return state.with_nuisance(nuisance)
 
 
 def with_outlines(data: JointData, state: Estimation) -> Estimation:
@@ -334,7 +330,6 @@ def finished(data: JointData, state: Estimation, problem: JointProblem, shared: 
         planes=state.planes,
         rounds=state.rounds,
         iterations=state.iterations,
-        nuisance=state.nuisance,
         data=data,
         state=state,
         shared=shared,

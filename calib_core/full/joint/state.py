@@ -13,6 +13,7 @@ import numpy as np
 
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.laser_features import LaserFactors
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settings import CHAIN
 from calib_core.geometry import exp, plane_axes
 from calib_core.types import FloatArray, IntArray
@@ -82,8 +83,8 @@ class BiasNodes:
 class Estimate:
     """Everything estimated. gyro_bias, accel_bias: (N, 3) at the nodes. normals: (P, 3), offsets_m: (P,), map frame.
 
-    time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].   nuisance: (N,) the sensors' own
-    parameters (nuisance.py), none where they are taken for ideal.   aside_normals: (A, 3), aside_offsets_m: (A,) planes that
+    time_offset_s: between the two clocks' own epochs (small); gravity: (3,) map [m/s2].   sensors: their own
+    parameters, N in play, none where they are taken for ideal.   aside_normals: (A, 3), aside_offsets_m: (A,) planes that
     are no part of it, but there: where they meet a wall, points near by may be theirs.
     """
 
@@ -96,7 +97,7 @@ class Estimate:
     accel_bias: FloatArray
     normals: FloatArray
     offsets_m: FloatArray
-    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    sensors: SensorState = SensorState()  # noqa: RUF009  frozen
     aside_normals: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
     aside_offsets_m: FloatArray = field(default_factory=lambda: np.zeros(0))
 
@@ -124,7 +125,7 @@ class Estimate:
             accel_bias=self.accel_bias + s[layout.accel_bias()].reshape(-1, 3),
             normals=normals / length[:, None],
             offsets_m=self.offsets_m + planes[:, 2],
-            nuisance=self.nuisance + s[layout.nuisance()],
+            sensors=self.sensors.moved(s[layout.nuisance()]),
         )
 
     def seen_from(self, R: FloatArray, p: FloatArray) -> Estimate:
@@ -137,6 +138,7 @@ class Estimate:
             gravity=self.gravity @ R,
             normals=self.normals @ R,
             offsets_m=self.offsets_m + self.normals @ p,
+            sensors=self.sensors.seen_from(R),
             aside_normals=self.aside_normals @ R,
             aside_offsets_m=self.aside_offsets_m + self.aside_normals @ p,
         )
@@ -147,7 +149,7 @@ class Bins:
     """Lidar factors: one a knot and plane. knot: (B,) ascending. plane: (B,). scatter: (B, 5, 5). count: (B,).
 
     time_offset_s: of their making.
-    lasers: what they share with the lidar's own parameters.   nuisance: (N,) values with which the points were laid out.
+    lasers: what they share with the lidar's own parameters.   laid_out_at: the sensors as they were thought to be then.
     """
 
     knot: IntArray
@@ -156,7 +158,7 @@ class Bins:
     count: IntArray
     time_offset_s: float
     lasers: LaserFactors = field(default_factory=LaserFactors.empty)
-    nuisance: FloatArray = field(default_factory=lambda: np.zeros(0))
+    laid_out_at: SensorState = SensorState()  # noqa: RUF009  frozen
 
     def within(self, first: int, last: int) -> Bins:
         """Those of knots first..last (exclusive), counted from the first."""

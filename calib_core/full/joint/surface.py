@@ -44,14 +44,13 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
         patches = patches.without(is_doubtful)
         if patches.count < 2 or bend_of_several_m(patches.planes, weight[rest], off[rest], rules) < rules.least_m:
             return state
-    nuisance = state.nuisance.with_surface(patches, rules.height_std_m, rules.alike_m)
-    return state.with_nuisance(nuisance, np.append(state.estimate.nuisance, np.zeros(patches.count)))
+    return state.with_nuisance(state.nuisance.with_surface(patches, rules.height_std_m, rules.alike_m))
 
 
 def is_bent_wall(state: Estimation, rules: Surfaces) -> bool:
     """Whether the heights are those of walls: a patch that comes far off its plane follows another surface, of which its gate
     takes in more the farther it goes."""
-    heights = state.nuisance.values(state.estimate.nuisance, SURFACE)
+    heights = state.estimate.sensors.of(SURFACE)
     return bool(np.abs(heights).max(initial=0.0) < rules.most_sigmas * rules.height_std_m)
 
 
@@ -70,7 +69,7 @@ def shape_shift(flat: Estimation, near: Near, settling: Settling, rules: Surface
 
 def unevenness_m(state: Estimation) -> float:
     """Root mean square of the heights."""
-    return float(np.sqrt(np.mean(state.nuisance.values(state.estimate.nuisance, SURFACE) ** 2)))
+    return float(np.sqrt(np.mean(state.estimate.sensors.of(SURFACE) ** 2)))
 
 
 def is_rough(state: Estimation, rules: Surfaces) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from calib_core.full.joint.estimation import Estimation, JointData
-from calib_core.full.joint.sensors import tone_values
 from calib_core.full.joint.settings import HEARING
 from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
@@ -17,7 +16,7 @@ from calib_core.types import FloatArray
 
 def is_heard(data: JointData, state: Estimation) -> bool:
     """Of the last of a state's tones: whether gyroscope or accelerometer has read about as much there."""
-    hz, values = state.nuisance.tones_hz[-1], tone_values(state.nuisance, state.estimate.nuisance)[-1]
+    hz, values = state.nuisance.tones_hz[-1], state.estimate.sensors.tones()[-1]
     at = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
     added = tone_readings(hz, values, at.knots_s, at.at_knots)
     claimed = np.sqrt(2.0 * np.mean(added.reshape(-1, 2, 3) ** 2, axis=0).sum(axis=1))

@@ -22,11 +22,9 @@ from calib_core.full.joint.policies import Round, Sampling, Tones
 from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered, one_round
-from calib_core.full.joint.sensors import tone_values
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.joint.tone_heard import is_heard
-from calib_core.full.prepare.nuisance import TONE
 from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
 
@@ -162,9 +160,7 @@ def heard_anew(
 
 def bare(state: Estimation) -> Estimation:
     """Without tones among the unknowns."""
-    place, e = state.nuisance.places[TONE], state.estimate
-    values = np.delete(e.nuisance, np.arange(place.start, place.stop))
-    return state.with_nuisance(state.nuisance.without_tones(), values)
+    return state.with_nuisance(state.nuisance.without_tones())
 
 
 def found_tones(
@@ -235,12 +231,7 @@ def with_tones_tried(data: JointData, state: Estimation, tried_hz: Sequence[floa
     toned = state
     for hz in tried_hz:
         toned = with_tone(data, toned, hz, rules)
-    points = state.observations
-    if points is not None and len(points.nuisance):
-        more = toned.nuisance.size - state.nuisance.size
-        laid_out = np.insert(points.nuisance, toned.nuisance.places[TONE].stop - more, np.zeros(more))
-        points = replace(points, nuisance=laid_out)
-    return replace(toned, observations=points)
+    return replace(toned, observations=state.observations)
 
 
 def told(data: JointData, state: Estimation, round_: Round, sampling: Sampling) -> Estimation:
@@ -253,11 +244,8 @@ def told(data: JointData, state: Estimation, round_: Round, sampling: Sampling) 
 def with_tone(data: JointData, state: Estimation, hz: float, rules: Tones) -> Estimation:
     """With one more tone among the unknowns, of which nothing is known yet."""
     knots_s = data.readings.knots_s[[0, state.knots - 1]]
-    nuisance = state.nuisance.with_tone(hz, rules.resolution / float(np.diff(knots_s)[0]), float(knots_s.mean()))
-    values, end = state.estimate.nuisance, nuisance.places[TONE].stop
-    more = nuisance.size - state.nuisance.size
-    values = np.insert(values, end - more, np.zeros(more))
-    return state.with_nuisance(nuisance, values)
+    resolution_hz = rules.resolution / float(np.diff(knots_s)[0])
+    return state.with_nuisance(state.nuisance.with_tone(hz, resolution_hz, float(knots_s.mean())))
 
 
 def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -> Periodogram:
@@ -326,7 +314,7 @@ def say_tones(data: JointData, state: Estimation) -> None:
         )
     at_knots = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
     shaken = "it is shaken faster than it samples" + ("" if data.run.noise.shaken else ", or the whole room sways")
-    for hz, values in zip(state.nuisance.tones_hz, tone_values(state.nuisance, state.estimate.nuisance), strict=True):
+    for hz, values in zip(state.nuisance.tones_hz, state.estimate.sensors.tones(), strict=True):
         # Its part that goes with the IMU and that of the room may be nearly the same, each many times as large as their sum.
         both = tone_readings(hz, values, at_knots.knots_s, at_knots.at_knots).reshape(-1, 2, 3)
         gyro, accel = np.sqrt(np.mean(np.sum(both**2, axis=2), axis=0))

@@ -25,7 +25,6 @@ from calib_core.factors.lidar_plane import (
 from calib_core.factors.support import PlaneExtents
 from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
-from calib_core.full.joint.sensors import laser_errors
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
@@ -59,11 +58,15 @@ class View:
     estimate: Estimate
     settings: CalibrateSettings
     threads: int = 1
-    nuisance: Nuisance = Nuisance()  # noqa: RUF009  frozen
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
     few: dict[int, tuple[int, PointArray]] = field(default_factory=dict)
     apart: int = 0
+
+    @property
+    def nuisance(self) -> Nuisance:
+        """The sensors' own parameters in play."""
+        return self.estimate.sensors.blocks
 
     def points(self, position: int, stride: int) -> PointArray:
         """Every so many-th point of a scan: taken from the whole once, however often they are asked for."""
@@ -123,7 +126,7 @@ class View:
         if self.nuisance.surface is not None:
             # Before its plane a surface is met so much earlier; beyond the last patch, as if there were none.
             surface = self.nuisance.surface
-            hits.d[:] -= surface.heights_m(surface.between(hits), self.nuisance.values(e.nuisance, SURFACE))
+            hits.d[:] -= surface.heights_m(surface.between(hits), e.sensors.of(SURFACE))
         if stride > 1 and len(points) + sum(len(each.plane) for each in list(self.thinned.values())) <= SURVEYING.kept:
             self.thinned[key] = hits
         return hits
@@ -132,7 +135,7 @@ class View:
         """The lidar's own parameters as they are thought to be now; None where it is taken for ideal."""
         if not self.nuisance.blocks:
             return None
-        return laser_errors(self.nuisance, self.estimate.nuisance, len(self.estimate.normals))
+        return self.estimate.sensors.lasers(len(self.estimate.normals))
 
     def _corrected(self, points: PointArray, errors: LaserErrors | None) -> Float32Array:
         """Where points (N,) would lie were it not for their lasers' errors, (N, 3)."""

@@ -14,9 +14,9 @@ from calib_core.factors.imu import KnotStates
 from calib_core.full.joint.estimation import Estimation, JointData, view_of
 from calib_core.full.joint.moments import Micro, gather
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.view import View
-from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.levenberg import minimise
@@ -33,7 +33,8 @@ class Window:
 
     def view(self, data: JointData) -> View:
         """The scans under the window's motion."""
-        return view_of(data.run, self.problem.motion(self.estimate), self.estimate, Nuisance())
+        ideal = replace(self.estimate, sensors=SensorState())
+        return view_of(data.run, self.problem.motion(self.estimate), ideal)
 
     def scans_over(self, data: JointData) -> list[int]:
         """Positions of the scans that reach into the window."""

@@ -49,6 +49,7 @@ SPREAD: Literal["low_pass_spread"] = "low_pass_spread"
 SKEW: Literal["low_pass_skew"] = "low_pass_skew"
 LOW_PASS: tuple[Literal["low_pass_spread", "low_pass_skew"], ...] = (SPREAD, SKEW)
 LATE: tuple[Block, ...] = (SIZE_EFFECT, QUADRATIC, *LOW_PASS)
+#: In the order in which they come after the sensors' own.
 _OF_NO_SENSOR = (MATERIAL, TONE, SURFACE)
 _TONE_NAMES = (
     *(
@@ -74,11 +75,17 @@ class NuisanceBlock:
     prior_std: FloatArray
     whitener: FloatArray | None = None
 
+    def some(self, keep: BoolArray) -> NuisanceBlock:
+        """Some of its parameters (n,), independent ones, by the names they had."""
+        names = tuple(name for name, kept in zip(self.names, keep, strict=True) if kept)
+        return replace(self, names=names, prior_std=self.prior_std[keep])
+
 
 @dataclass(frozen=True)
 class Nuisance:
     """The blocks in play, one after the other; their values are one vector (N,) in this order, in the blocks' units.
 
+    The values themselves lie beside them in a `SensorState` (joint/sensor_state.py), which moves them from one set to another.
     surface: where the patches are whose heights are in play, None where none is.   tones_hz: of the tones in play (imu/tones.py),
     each of 25 values; their phases are counted from tones_zero_s, IMU clock.
     """
@@ -103,6 +110,15 @@ class Nuisance:
         """Where each block's values lie in the vector."""
         ends = np.cumsum([0, *(len(each.names) for each in self.blocks)])
         return {each.block: slice(int(a), int(b)) for each, a, b in zip(self.blocks, ends, ends[1:], strict=False)}
+
+    @cached_property
+    def index(self) -> dict[tuple[AnyBlock, str], int]:
+        """Where in the vector each parameter lies, by its block and its name there. Raises ValueError where two have one name."""
+        every = [(each.block, name) for each in self.blocks for name in each.names]
+        index = {name: k for k, name in enumerate(every)}
+        if len(index) < len(every):
+            raise ValueError("expected parameters that are told apart by block and name, found two of one name")
+        return index
 
     def start(self, block: AnyBlock) -> int:
         """Where a block's values begin; -1 where it is not in play."""
@@ -135,8 +151,7 @@ class Nuisance:
         those that were there."""
         std = np.full(surface.count, std_m)
         block = NuisanceBlock(SURFACE, surface.names, std, surface.whitener(std_m, alike_m))
-        others = tuple(each for each in self.blocks if each.block != SURFACE)
-        return replace(self, blocks=(*others, block), surface=surface)
+        return replace(self._with(block), surface=surface)
 
     def with_tone(self, hz: float, resolution_hz: float, zero_s: float) -> Nuisance:
         """With one more tone, after all others but what is the room's. resolution_hz: standard deviation of its frequency.
@@ -149,13 +164,11 @@ class Nuisance:
                 [resolution_hz],
             ]
         )
-        names = tuple(f"{hz:.2f} Hz {name}" for name in _TONE_NAMES)
+        names = tuple(f"{hz} Hz {name}" for name in _TONE_NAMES)  # in full: two that are near are told apart by it
         before = next((each for each in self.blocks if each.block == TONE), NuisanceBlock(TONE, (), np.zeros(0)))
         block = NuisanceBlock(TONE, (*before.names, *names), np.concatenate([before.prior_std, std]))
-        room = tuple(each for each in self.blocks if each.block == SURFACE)
         first = zero_s if not self.tones_hz else self.tones_zero_s
-        materials = tuple(each for each in self.blocks if each.block == MATERIAL)
-        return Nuisance((*self.sensors.blocks, *materials, block, *room), self.surface, (*self.tones_hz, hz), first)
+        return replace(self._with(block), tones_hz=(*self.tones_hz, hz), tones_zero_s=first)
 
     def with_materials(self, planes: int) -> Nuisance:
         """With what each of so many planes adds to the incidence, as much as that itself may be, after the sensors' own.
@@ -165,37 +178,35 @@ class Nuisance:
         place = self.places.get("incidence")
         if place is None or self.materials:
             return self
-        block = NuisanceBlock(MATERIAL, tuple(map(str, range(planes))), np.repeat(self.prior_std[place], planes))
-        own = self.sensors.blocks
-        return replace(self, blocks=(*own, block, *self.blocks[len(own) :]))
+        return self._with(
+            NuisanceBlock(MATERIAL, tuple(map(str, range(planes))), np.repeat(self.prior_std[place], planes))
+        )
 
     def with_late(self, block: Block, std: float) -> Nuisance:
         """With one of LATE among the unknowns, so large each, after the sensors' own; instead of what was there of it."""
-        own = tuple(each for each in self.sensors.blocks if each.block != block)
-        late = NuisanceBlock(block, NAMES[block], np.full(len(NAMES[block]), std))
-        return replace(self, blocks=(*own, late, *self.blocks[len(self.sensors.blocks) :]))
+        return self._with(NuisanceBlock(block, NAMES[block], np.full(len(NAMES[block]), std)))
 
-    def of_planes(self, keep: BoolArray, values: FloatArray) -> tuple[Nuisance, FloatArray]:
-        """Of some of the planes (P,) alone, and the values (N,) of those. The patches of surfaces have to be found anew."""
-        place = self.places.get(MATERIAL)
-        if place is None:
-            return self, values
-        kept = tuple(map(str, range(int(keep.sum()))))
-        blocks = [
-            replace(each, names=kept, prior_std=each.prior_std[keep]) if each.block == MATERIAL else each
-            for each in self.blocks
-        ]
-        return replace(self, blocks=tuple(blocks)), np.delete(values, place.start + np.flatnonzero(~keep))
+    def with_sensors(self, sensors: Nuisance) -> Nuisance:
+        """With those for the sensors' own, and what else there is as it is. sensors: nothing but those."""
+        return replace(self, blocks=(*sensors.blocks, *(each for each in self.blocks if each.block in _OF_NO_SENSOR)))
+
+    def _with(self, block: NuisanceBlock) -> Nuisance:
+        """With one more block, after the others of its kind: the sensors' own, then the rest in their order. Instead of what was
+        there of it."""
+        others = (each for each in self.blocks if each.block != block.block)
+        return replace(self, blocks=tuple(sorted((*others, block), key=_rank)))
+
+    def of_planes(self, keep: BoolArray) -> Nuisance:
+        """Of some of the planes (P,) alone, each with the name it had. The patches of surfaces have to be found anew."""
+        if not self.materials:
+            return self
+        return replace(self, blocks=tuple(q.some(keep) if q.block == MATERIAL else q for q in self.blocks))
 
     @property
     def materials(self) -> int:
         """Planes whose material's own effect is unknown; 0 where it is not in play."""
         place = self.places.get(MATERIAL)
         return 0 if place is None else place.stop - place.start
-
-    def with_tones_of(self, tones: Nuisance) -> Nuisance:
-        """With those tones after all of these. tones: nothing but tones, as they are before the sensors' parameters come in."""
-        return Nuisance((*self.blocks, *tones.blocks), None, tones.tones_hz, tones.tones_zero_s)
 
     def without_tones(self) -> Nuisance:
         """The same but for what shakes the IMU."""
@@ -205,6 +216,11 @@ class Nuisance:
     def lasers(self) -> int:
         """Lasers that are told apart; 0 where none are."""
         return max((len(self.values(self.prior_std, block)) for block in LASER_BLOCKS), default=0)
+
+
+def _rank(of: NuisanceBlock) -> int:
+    """Of a block's kind among all."""
+    return 1 + _OF_NO_SENSOR.index(of.block) if of.block in _OF_NO_SENSOR else 0
 
 
 def sensor_block(of: NuisanceBlock) -> Block:

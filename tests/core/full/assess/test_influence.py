@@ -300,7 +300,7 @@ def test_considered_parameters_widen_by_what_they_would_move() -> None:
     problem, estimate = _solved()
     own = problem.layout(estimate).nuisance()
     held = replace(problem, frozen=tuple(range(own.start, own.stop)))
-    prior_std = problem.priors.nuisance_std
+    prior_std = estimate.sensors.blocks.prior_std
     found = consider(held, estimate, prior_std)
     whole = solve_arrow(problem.linearise(estimate)).information
     A, B = whole[: own.start, : own.start], whole[: own.start, own]
@@ -308,6 +308,6 @@ def test_considered_parameters_widen_by_what_they_would_move() -> None:
     np.testing.assert_allclose(found.added, shift @ shift.T, rtol=1e-4, atol=1e-9 * np.abs(found.added).max())
     # What would be estimated is where the whole problem's next step leads: at its optimum, next to where it is.
     step = solve_arrow(problem.linearise(estimate)).step_shared[own] / prior_std
-    np.testing.assert_allclose((found.value - estimate.nuisance) / prior_std, step, atol=1e-9)
+    np.testing.assert_allclose((found.value - estimate.sensors.values) / prior_std, step, atol=1e-9)
     assert np.abs(step).max() < 0.05
     np.testing.assert_allclose(found.std, np.sqrt(np.diag(covariance(whole).matrix))[own], rtol=1e-6)

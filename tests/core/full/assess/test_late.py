@@ -13,8 +13,12 @@ from scipy.stats import kstest
 from calib_core.calibrate import calibrate
 from calib_core.full.assess import late
 from calib_core.full.assess.late import Told, told_of
-from calib_core.full.joint.estimation import Estimation, Solved
+from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.sensor_state import SensorState
+from calib_core.full.joint.state import Bins
+from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
+from calib_core.intrinsics import Block
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate, parse_faults
@@ -132,6 +136,16 @@ def test_a_chips_own_size_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
     assert late.with_late_blocks(run, solved, ()) is None
 
 
+def _sensors(sizes: dict[Block, int], prior_std: FloatArray, values: FloatArray) -> SensorState:
+    """Blocks of so many parameters each, one after the other, with these standard deviations (N,) and values (N,)."""
+    ends = np.cumsum(list(sizes.values()))
+    blocks = [
+        NuisanceBlock(block, tuple(map(str, range(count))), prior_std[end - count : end])
+        for (block, count), end in zip(sizes.items(), ends, strict=True)
+    ]
+    return SensorState(Nuisance(tuple(blocks)), values)
+
+
 @pytest.mark.parametrize(("at_mm", "known_mm", "shows"), [(6.0, 1.0, True), (0.5, 1.0, False), (6.0, 40.0, False)])
 def test_what_was_let_go_along_has_to_show_still(at_mm: float, known_mm: float, shows: bool) -> None:
     """Of six known to a millimetre, or no better than they were allowed. Mutations: whatever they come to; a small size's chance
@@ -139,9 +153,11 @@ def test_what_was_let_go_along_has_to_show_still(at_mm: float, known_mm: float, 
     allowed_m, sides = 8e-3, np.where(np.arange(9) % 2 > 0, 1.0, -1.0)
     beside = BESIDE @ BESIDE.T @ sides
     information = np.eye(9) / allowed_m**2 + BESIDE @ BESIDE.T / (1e-3 * known_mm) ** 2
+    values = np.concatenate([np.zeros(2), 1e-3 * at_mm * beside, [0.0]])
+    sensors = _sensors({"eccentricity": 2, "size_effect": 9, "clock_rate": 1}, np.full(12, allowed_m), values)
     solved: Any = SimpleNamespace(
-        nuisance=SimpleNamespace(places={"size_effect": slice(2, 11)}, prior_std=np.full(12, allowed_m)),
-        estimate=SimpleNamespace(nuisance=np.concatenate([np.zeros(2), 1e-3 * at_mm * beside, [0.0]])),
+        nuisance=sensors.blocks,
+        estimate=SimpleNamespace(sensors=sensors),
         problem=SimpleNamespace(layout=lambda _: SimpleNamespace(nuisance=lambda: slice(3, 15))),
         minimum=SimpleNamespace(
             solution=SimpleNamespace(
@@ -151,7 +167,7 @@ def test_what_was_let_go_along_has_to_show_still(at_mm: float, known_mm: float, 
     )
     solved.minimum.solution.information[5:14, 5:14] = information
     assert late.still_show(solved) is shows
-    solved.nuisance.places = {}
+    solved.nuisance = Nuisance()
     assert not late.still_show(solved)
 
 
@@ -161,11 +177,11 @@ def test_a_filter_that_was_let_go_along_has_to_show_still(at_s2: float, std_s2: 
     allowed = np.full(12, 1e-4)
     allowed[:9] = 8e-3
     variance = np.concatenate([np.full(9, 8e-3) ** 2, 1.0 / (1.0 / allowed[9:11] ** 2 + 1.0 / std_s2**2), [1.0]])
+    values = np.concatenate([np.zeros(9), [at_s2, at_s2, 0.0]])
+    sensors = _sensors({"size_effect": 9, "low_pass_spread": 2, "clock_rate": 1}, allowed, values)
     solved: Any = SimpleNamespace(
-        nuisance=SimpleNamespace(
-            places={"size_effect": slice(0, 9), "low_pass_spread": slice(9, 11)}, prior_std=allowed
-        ),
-        estimate=SimpleNamespace(nuisance=np.concatenate([np.zeros(9), [at_s2, at_s2, 0.0]])),
+        nuisance=sensors.blocks,
+        estimate=SimpleNamespace(sensors=sensors),
         problem=SimpleNamespace(layout=lambda _: SimpleNamespace(nuisance=lambda: slice(0, 12))),
         minimum=SimpleNamespace(solution=SimpleNamespace(information=np.diag(1.0 / variance))),
     )
@@ -207,20 +223,25 @@ def test_accelerometers_in_one_place_stay_there(monkeypatch: pytest.MonkeyPatch)
 
     Mutations: what one step tells counts whatever it is, chance and all; lasers moved from zero once more.
     """
-    costs: list[tuple[float, float]] = []
-    here = late.problem_with_late
+    costs: list[float] = []
+    here, told = late.with_bins, late.late_told
 
-    def problem_with_late(solved: Solved, tried: Estimation) -> JointProblem:
-        problem = here(solved, tried)
-        costs.append((problem.cost(tried.estimate), solved.problem.cost(solved.estimate)))
+    def ended(solved: Solved, *asked: Any) -> Any:
+        costs.append(solved.problem.cost(solved.estimate))
+        return told(solved, *asked)
+
+    def with_bins(data: JointData, tried: Estimation, bins: Bins) -> JointProblem:
+        problem = here(data, tried, bins)
+        costs.append(problem.cost(tried.estimate))
         return problem
 
-    monkeypatch.setattr(late, "problem_with_late", problem_with_late)
+    monkeypatch.setattr(late, "late_told", ended)
+    monkeypatch.setattr(late, "with_bins", with_bins)
     result, nees = _calibrated("industrial")
     assert nees < 24.3
     assert not [each for each in result.intrinsics if each.block == "size_effect"]
-    ((tried, ended),) = costs
-    assert tried == pytest.approx(ended, rel=1e-5)
+    before, tried = costs
+    assert tried == pytest.approx(before, rel=1e-5)
 
 
 @pytest.mark.parametrize(("sign", "asked"), [(1.0, True), (-1.0, False)])
@@ -232,11 +253,11 @@ def test_no_filter_sharpens(monkeypatch: pytest.MonkeyPatch, sign: float, asked:
     layout: Any = SimpleNamespace(nuisance=lambda: slice(0, 4))
     problem: Any = SimpleNamespace(linearise=lambda _: None, layout=lambda _: layout)
     monkeypatch.setattr(late, "with_late", lambda state, *_: state)
-    monkeypatch.setattr(late, "problem_with_late", lambda *_: problem)
+    monkeypatch.setattr(late, "with_bins", lambda *_: problem)
     monkeypatch.setattr(late, "solve_arrow", lambda _: SimpleNamespace(information=None, step_shared=step))
     spread = SimpleNamespace(matrix=np.diag([1e-12, 1e-12, 1e-14, 1e-14]))
     monkeypatch.setattr(late, "covariance", lambda _: spread)
-    solved: Any = SimpleNamespace(state=tried)
+    solved: Any = SimpleNamespace(state=tried, data=None, problem=SimpleNamespace(bins=None))
     told = late.late_told(solved, {"low_pass_spread": 1e-4, "low_pass_skew": 4e-6}, list(blocks))
     assert (told["low_pass_spread"] is not None) is asked
     assert told["low_pass_skew"] is not None

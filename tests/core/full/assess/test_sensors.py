@@ -12,6 +12,7 @@ from calib_core.full.assess import confidence
 from calib_core.full.assess.disagreement import Disagreement
 from calib_core.full.assess.sensor_sentences import sentences
 from calib_core.full.assess.sensors import sensor_findings
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from calib_core.full.run import LineStd
 from calib_core.intrinsics import NAMES, UNITS, Block
@@ -153,7 +154,7 @@ def test_parts_that_disagree_make_a_sensor_less_sure(wider: float, clock_place: 
     layout = SimpleNamespace(nuisance=lambda: slice(2, 3))
     solved: Any = SimpleNamespace(
         nuisance=nuisance,
-        estimate=SimpleNamespace(nuisance=np.array([4e-4])),
+        estimate=SimpleNamespace(sensors=SensorState(nuisance, np.array([4e-4]))),
         minimum=SimpleNamespace(solution=SimpleNamespace(information=np.diag([1.0, 1.0, 1e8]))),
         problem=SimpleNamespace(layout=lambda _: layout, sensors=SimpleNamespace(clock_place=clock_place)),
     )

@@ -32,14 +32,14 @@ def test_an_answer_is_off_by_what_was_taken_for_zero_and_is_not() -> None:
     problem, estimate = _solved()
     own = problem.layout(estimate).nuisance()
     held = replace(problem, frozen=tuple(range(own.start, own.stop)))
-    prior_std = problem.priors.nuisance_std
+    prior_std = estimate.sensors.blocks.prior_std
     shift = consider(held, estimate, prior_std).shift
     scale = np.abs(shift).max(axis=1)
     for k in range(0, len(prior_std), 3):
         steps = []
         for size in (-1e-3, 1e-3):
-            taken = estimate.nuisance + size * prior_std * (np.arange(len(prior_std)) == k)
-            steps.append(solve_arrow(held.linearise(replace(estimate, nuisance=taken))).step_shared[:CALIBRATION])
+            taken = estimate.sensors.moved(size * prior_std * (np.arange(len(prior_std)) == k))
+            steps.append(solve_arrow(held.linearise(replace(estimate, sensors=taken))).step_shared[:CALIBRATION])
         moved = (steps[1] - steps[0]) / 2e-3
         np.testing.assert_allclose(moved / scale, -shift[:, k] / scale, atol=5e-3)
 

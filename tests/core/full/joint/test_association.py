@@ -16,6 +16,7 @@ from calib_core.full.joint.association import _capped, associate, survey
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.moments import Micro, agreeing, gather
 from calib_core.full.joint.motion import Motion
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.view import View
@@ -123,10 +124,11 @@ def test_the_one_pass_over_whole_scans_is_the_four_it_is_made_of(
         nuisance = nuisance.with_materials(len(view.estimate.normals) - 1)
         values = np.random.default_rng(0).normal(size=nuisance.size) * nuisance.prior_std
         e = replace(
-            view.estimate, nuisance=values, normals=view.estimate.normals[1:], offsets_m=view.estimate.offsets_m[1:],
+            view.estimate, sensors=SensorState(nuisance, values),
+            normals=view.estimate.normals[1:], offsets_m=view.estimate.offsets_m[1:],
             aside_normals=view.estimate.normals[:1], aside_offsets_m=view.estimate.offsets_m[:1],
         )  # fmt: skip
-        view = replace(view, nuisance=nuisance, estimate=e, poses={})
+        view = replace(view, estimate=e, poses={})
         support = replace(support, normals=support.normals[1:], inside=support.inside[1:])
     twin = replace(view, settings=CalibrateSettings(points_per_plane_per_scan=10**9, field_of_view_deg=100.0))
     view = replace(view, settings=CalibrateSettings(field_of_view_deg=100.0))
@@ -151,7 +153,7 @@ def test_of_ideal_lasers_only_where_their_points_lie_is_summed(noisy: tuple[Reco
     """
     nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
     view = _view(*noisy)
-    in_play = replace(view, nuisance=nuisance, estimate=replace(view.estimate, nuisance=np.zeros(nuisance.size)))
+    in_play = replace(view, estimate=replace(view.estimate, sensors=SensorState().onto(nuisance)))
     every = associate(in_play, SCANS[:4], NOISE, GATE, None).lasers
     micro = associate(replace(view, apart=nuisance.lasers), SCANS[:4], NOISE, GATE, None)
     ones, alone = micro.apart, associate(view, SCANS[:4], NOISE, GATE, None)
@@ -180,9 +182,9 @@ def test_scans_are_taken_as_one_while_times_and_tables_have_room(noisy: tuple[Re
     slow = replace(view, clocks=replace(clocks, sweep_s=np.full(len(clocks.scan_s), 3.0)))
     assert slow.most_as_one(SCANS) == 1
     nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
-    told_apart = replace(even, nuisance=nuisance)
+    told_apart = replace(even, estimate=replace(view.estimate, sensors=SensorState().onto(nuisance)))
     assert told_apart.most_as_one(SCANS) == min(20, SURVEYING.clusters // (12 * planes * nuisance.lasers))
-    many = replace(view.estimate, normals=np.ones((2000, 3)))
+    many = replace(told_apart.estimate, normals=np.ones((2000, 3)))
     assert replace(told_apart, estimate=many).most_as_one(SCANS) == 1
 
 
@@ -195,8 +197,8 @@ def test_what_all_lasers_share_with_the_map_costs_nothing(noisy: tuple[Recording
     nuisance = nuisance_of(noisy[0], CalibrateSettings(intrinsics="auto"))
     assert nuisance.lasers
     view = _view(*noisy)
-    e = replace(view.estimate, nuisance=np.zeros(nuisance.size))
-    micro = associate(replace(view, nuisance=nuisance, estimate=e), SCANS, NOISE, GATE, None)
+    e = replace(view.estimate, sensors=SensorState().onto(nuisance))
+    micro = associate(replace(view, estimate=e), SCANS, NOISE, GATE, None)
     shaken = np.random.default_rng(0).normal(scale=2e-4, size=(401, 3)).cumsum(axis=0)
     states = KnotStates(e.states.R @ exp(shaken), e.states.p + shaken, e.states.v)
     motion = replace(view.motion, states=states)

@@ -11,6 +11,7 @@ import pytest
 from calib_core.errors import Refused
 from calib_core.full.joint.bounds import last_move, require_bounds, require_points, require_rest, require_sensors
 from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from calib_core.solver.information import covariance
 from tests.core.full.joint.conftest import Half
@@ -81,10 +82,10 @@ def test_a_sensor_that_no_one_builds_is_told_as_that(half: Half) -> None:
         NuisanceBlock("gyroscope_scale", ("x", "y", "z"), np.full(3, 0.01)),
         NuisanceBlock("accelerometer_scale", ("x", "y", "z"), np.full(3, 0.01)),
     )
-    state = replace(half.state, nuisance=Nuisance(blocks))
     for value, astray in ((0.1, False), (-0.13, True)):
         values = np.array([0.0, 0.02, 0.0, 0.0, 0.0, value])
-        there = replace(state, estimate=replace(state.estimate, nuisance=values))
+        sensors = SensorState(Nuisance(blocks), values)
+        there = replace(half.state, estimate=replace(half.state.estimate, sensors=sensors))
         if not astray:
             require_sensors(there, half.data.limits.sensor_sigmas)
             continue

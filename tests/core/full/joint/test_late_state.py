@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -10,6 +10,7 @@ import pytest
 from calib_core.full.assess import late
 from calib_core.full.assess.late import Told
 from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import LATE, Nuisance
 from calib_core.intrinsics import Block
 from tests.core.full.joint.conftest import Half
@@ -34,16 +35,14 @@ def test_a_block_that_is_among_the_unknowns_stays_as_it_is_known(half: Half) -> 
     state = half.state
     for k, block in enumerate(LATE):
         state = late.with_late(state, block, 1e-4)
-        place = state.nuisance.places[block]
-        values = state.estimate.nuisance.copy()
-        values[place] = 1.0 + k
-        state = state.with_nuisance(state.nuisance, values)
+        values = state.estimate.sensors.values.copy()
+        values[state.nuisance.places[block]] = 1.0 + k
+        state = replace(state, estimate=replace(state.estimate, sensors=SensorState(state.nuisance, values)))
     for again in LATE:
         state = late.with_late(state, again, 2e-4)
-        assert len(state.estimate.nuisance) == state.nuisance.size == len(state.priors.nuisance_std)
-        np.testing.assert_array_equal(state.priors.nuisance_std[state.nuisance.places[again]], 2e-4)
+        np.testing.assert_array_equal(state.nuisance.values(state.nuisance.prior_std, again), 2e-4)
         for k, block in enumerate(LATE):
-            np.testing.assert_array_equal(state.nuisance.values(state.estimate.nuisance, block), 1.0 + k)
+            np.testing.assert_array_equal(state.estimate.sensors.of(block), 1.0 + k)
 
 
 @pytest.mark.parametrize("shows", [("low_pass_spread",), ("low_pass_spread", "low_pass_skew"), LATE])
@@ -62,4 +61,4 @@ def test_whatever_shows_at_once_the_state_is_whole(
     assert after is not None
     state = after.state
     assert {*shows, "low_pass_skew"} <= set(state.nuisance.places)
-    assert len(state.estimate.nuisance) == state.nuisance.size == len(state.priors.nuisance_std)
+    assert (state.estimate.sensors.values == 0.0).all()

@@ -9,6 +9,7 @@ import pytest
 from scipy.stats import chi2
 
 from calib_core import api
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import MATERIAL, SURFACE, TONE, choose_nuisance
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.settings import CalibrateSettings
@@ -50,11 +51,14 @@ def test_planes_that_go_take_their_material_along() -> None:
     assert [each.block for each in every.blocks[-2:]] == [MATERIAL, TONE]
     assert every.with_materials(4) is every
     values = np.arange(every.size, dtype=np.float64)
-    kept, left = every.of_planes(np.array([True, False, True, False]), values)
-    assert kept.size == len(left) == every.size - 2
-    own = kept.values(left, MATERIAL)
-    np.testing.assert_array_equal(own, every.values(values, MATERIAL)[[0, 2]])
-    np.testing.assert_array_equal(kept.values(left, TONE), every.values(values, TONE))
+    kept = every.of_planes(np.array([True, False, True, False]))
+    left = SensorState(every, values).onto(kept)
+    assert kept.size == every.size - 2
+    np.testing.assert_array_equal(left.of(MATERIAL), every.values(values, MATERIAL)[[0, 2]])
+    np.testing.assert_array_equal(left.of(TONE), every.values(values, TONE))
+    assert sensors.of_planes(np.ones(4, bool)) is sensors
+    again = left.onto(kept.of_planes(np.array([False, True])))
+    np.testing.assert_array_equal(again.of(MATERIAL), every.values(values, MATERIAL)[2])
     np.testing.assert_array_equal(
         kept.values(kept.prior_std, MATERIAL), every.values(every.prior_std, "incidence")[[0, 0]]
     )

@@ -16,8 +16,8 @@ from calib_core.full.joint import present
 from calib_core.full.joint.estimation import MapPlane
 from calib_core.full.joint.policies import Propagation
 from calib_core.full.joint.reach import reach_within, spread
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.window import Window
-from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import exp, plane_axes
 from calib_core.result import PlaneQuality
 from calib_core.settings import CalibrateSettings
@@ -171,9 +171,9 @@ def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts(monke
     run = SimpleNamespace(clocks=clocks, settings=CalibrateSettings())
     data: Any = SimpleNamespace(run=run, reference=0)
     estimate = SimpleNamespace(
-        normals=normal[None], time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None, nuisance=np.zeros(0)
+        normals=normal[None], time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None, sensors=SensorState()
     )
-    state: Any = SimpleNamespace(estimate=estimate, planes=[MapPlane("wall", outline)], nuisance=Nuisance())
+    state: Any = SimpleNamespace(estimate=estimate, planes=[MapPlane("wall", outline)])
     outlined = present.outlined_cells(data, state)
     assert outlined is not None
     cells = np.argwhere(outlined[0])

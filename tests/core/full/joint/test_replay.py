@@ -15,6 +15,7 @@ from calib_core.full.joint.propagate import advance, begin
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.round import one_round
 from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
 
@@ -41,7 +42,8 @@ def test_a_state_comes_back_as_it_was(half: Half, tmp_path: Path) -> None:
     sensors = Nuisance(
         (NuisanceBlock("clock_rate", ("all",), np.ones(1)), NuisanceBlock("surface", ("0", "1"), np.ones(2)))
     )
-    state = replace(begin(half.data, half.state, FULL, Propagation()).state, planes=planes, nuisance=sensors)
+    state = replace(begin(half.data, half.state, FULL, Propagation()).state, planes=planes)
+    state = replace(state, estimate=replace(state.estimate, sensors=SensorState(sensors, np.array([4.0, 1e-3, -2e-3]))))
     save_estimation(state, tmp_path / "state")
     again = load_estimation(tmp_path / "state")
     assert state.support is not None

@@ -12,6 +12,7 @@ from calib_core.factors.patches import patches_of
 from calib_core.full.joint import solve, surface
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settle import Near
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.geometry import exp
@@ -25,7 +26,8 @@ def _off_flat(half: Half, by_m: float) -> Estimation:
     assert half.state.support is not None
     patches = patches_of(half.state.support)
     nuisance = half.state.nuisance.with_surface(patches, RULES.height_std_m, RULES.alike_m)
-    return half.state.with_nuisance(nuisance, np.resize([by_m, -by_m], nuisance.size))
+    sensors = SensorState(nuisance, np.resize([by_m, -by_m], nuisance.size))
+    return replace(half.state, estimate=replace(half.state.estimate, sensors=sensors))
 
 
 @pytest.mark.parametrize(("by_mm", "wider"), [(5.0, False), (12.0, True)])
@@ -48,7 +50,7 @@ def test_heights_far_beyond_a_walls_may_be_as_large_as_they_are(
         np.testing.assert_allclose(block.prior_std, 1e-3 * by_mm)
         assert asked[0].nuisance.size == state.nuisance.size
         assert after.rounds == state.rounds + 2
-        np.testing.assert_array_equal(after.estimate.nuisance, state.estimate.nuisance)
+        np.testing.assert_array_equal(after.estimate.sensors.values, state.estimate.sensors.values)
 
 
 @pytest.mark.parametrize("farther_m", [0.0, 0.2])
@@ -58,7 +60,8 @@ def test_what_goes_on_to_be_another_surface_stays_as_it_was(
     """And what hardly comes to rest is taken. Mutations: taken all the same; only what rests; its rounds not counted."""
 
     def ends(_: Any, state: Estimation, *__: Any, **___: Any) -> Near:
-        moved = replace(state.estimate, nuisance=state.estimate.nuisance + farther_m)
+        there = state.estimate.sensors.moved(np.full(state.nuisance.size, farther_m))
+        moved = replace(state.estimate, sensors=there)
         return Near(replace(state, estimate=moved, rounds=9), rests=farther_m > 0.0, moved=0.0)
 
     monkeypatch.setattr(solve, "near_rest", ends)

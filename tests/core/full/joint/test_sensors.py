@@ -12,9 +12,10 @@ from calib_core.factors.laser_features import LaserFactors
 from calib_core.factors.patches import SurfacePatches
 from calib_core.full.joint.priors import prior_rows
 from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.sensors import laser_places, sensor_columns
 from calib_core.full.joint.state import Bins, Estimate
-from calib_core.full.prepare.nuisance import MATERIAL, SURFACE, Nuisance, choose_nuisance
+from calib_core.full.prepare.nuisance import IMU_BLOCKS, MATERIAL, SURFACE, Nuisance, choose_nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import preintegrate
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
@@ -41,20 +42,32 @@ BENT = NUISANCE.with_surface(
 MADE, BENT_MADE = (each.with_materials(plain.PLANES) for each in (NUISANCE, BENT))
 
 
+def wide(nuisance: Nuisance) -> Nuisance:
+    """The same where what is not the IMU's may be thirty times as large; heights, which are correlated, as they may be."""
+    blocks = [
+        each
+        if each.block in IMU_BLOCKS or each.whitener is not None
+        else replace(each, prior_std=30.0 * each.prior_std)
+        for each in nuisance.blocks
+    ]
+    return replace(nuisance, blocks=tuple(blocks))
+
+
 class Case:
     """A problem in which nothing fits, its points kept one by one."""
 
     def __init__(self, seed: int, nuisance: Nuisance = NUISANCE) -> None:
         rng = np.random.default_rng(seed)
         base, estimate = plain._problem(seed)
-        self.nuisance = nuisance
         # Large for the lidar's; for the IMU's, a link's turn by its bias is the first order's.
-        scale = np.where(np.arange(nuisance.size) < IMU, 1.0, 30.0) * nuisance.prior_std
+        nuisance = wide(nuisance)
+        scale = nuisance.prior_std
+        self.nuisance = nuisance
         laid_out = scale * rng.normal(size=nuisance.size)
         values = laid_out + scale * rng.normal(size=nuisance.size)
         # A gyroscope's bias turns the pose that a later bin asks for: left out of its columns, and so is a later bin here.
         values[nuisance.start("clock_rate")] = laid_out[nuisance.start("clock_rate")]
-        self.estimate = replace(estimate, nuisance=values)
+        self.estimate = replace(estimate, sensors=SensorState(nuisance, values))
         pairs = list(zip(base.bins.knot, base.bins.plane, strict=True))
         self.pair = np.repeat(np.arange(len(pairs)), POINTS)
         self.laser = rng.integers(0, LASERS, len(self.pair))
@@ -92,15 +105,16 @@ class Case:
             np.arange(len(clusters)),
             base.bins.plane,
         )
+        self.laid_out = laid_out
         bins = Bins(
-            base.bins.knot, base.bins.plane, scatter, np.full(len(pairs), POINTS), plain.OFFSET_S, lasers, laid_out
-        )
-        links_at = scale * rng.normal(size=nuisance.size)
+            base.bins.knot, base.bins.plane, scatter, np.full(len(pairs), POINTS), plain.OFFSET_S, lasers,
+            SensorState(nuisance, laid_out),
+        )  # fmt: skip
+        links_at = SensorState(nuisance, scale * rng.normal(size=nuisance.size))
         self.problem: JointProblem = replace(
             base,
             bins=bins,
-            priors=replace(base.priors, nuisance_std=scale, whiteners=nuisance.whiteners),
-            sensors=sensor_columns(nuisance, links_at, base.readings, estimate.states.R, MIDDLE_S),
+            sensors=sensor_columns(links_at, base.readings, estimate.states.R, MIDDLE_S),
         )
 
     def stacked(self, e: Estimate) -> FloatArray:
@@ -110,8 +124,8 @@ class Case:
         b = p.bins
         rate = self.nuisance.start("clock_rate")
         places = laser_places(NUISANCE)
-        heights = np.append(self.nuisance.values(e.nuisance - b.nuisance, SURFACE), 0.0)
-        change = e.nuisance - b.nuisance
+        change = e.sensors.values - self.laid_out
+        heights = np.append(self.nuisance.values(change, SURFACE), 0.0)
         out = []
         for i in range(len(self.pair)):
             k, j = b.knot[self.pair[i]], b.plane[self.pair[i]]
@@ -136,7 +150,7 @@ class Case:
         shared = p.layout(e).size
         size = plain.KNOTS * 9 + shared
         unit = np.full(size, 1e-5)
-        unit[size - self.nuisance.size :] = 1e-3 * p.priors.nuisance_std
+        unit[size - self.nuisance.size :] = 1e-3 * self.nuisance.prior_std
         columns = []
         for i in range(size):
             step = np.zeros(size)
@@ -253,13 +267,12 @@ def test_heights_that_are_correlated_cost_what_their_covariance_says() -> None:
     case = Case(3, BENT)
     problem, e = case.problem, case.estimate
     at = BENT.places[SURFACE]
-    heights, others = e.nuisance[at], np.delete(e.nuisance, at)
+    heights, others = e.sensors.values[at], np.delete(e.sensors.values, at)
     covariance = 0.003**2 * np.exp(-0.8 / 2.0 * np.array([[0.0, 1.0], [1.0, 0.0]]))
     expected = heights @ np.linalg.inv(covariance) @ heights
-    expected += float(np.sum((others / np.delete(problem.priors.nuisance_std, at)) ** 2))
-    layout = problem.layout(e)
-    without = replace(e, nuisance=np.zeros(0)), replace(problem.priors, nuisance_std=np.zeros(0), whiteners=())
-    rest, _ = prior_rows(without[1], problem.nodes, without[0], problem.layout(without[0]))
+    expected += float(np.sum((others / np.delete(case.nuisance.prior_std, at)) ** 2))
+    layout, without = problem.layout(e), replace(e, sensors=SensorState())
+    rest, _ = prior_rows(problem.priors, problem.nodes, without, problem.layout(without))
     residual, jacobian = prior_rows(problem.priors, problem.nodes, e, layout)
     assert residual @ residual - rest @ rest == pytest.approx(expected, rel=1e-9)
     assert len(residual) == len(rest) + BENT.size
@@ -271,14 +284,12 @@ def test_links_integrated_anew_agree_with_their_columns() -> None:
     """Mutations: `links_at` of another linearisation; the delay's column with the other sign."""
     _, e = plain._problem(1)
     base = plain._problem(1)[0]
-    zero = np.zeros(NUISANCE.size)
-    columns = sensor_columns(NUISANCE, zero, base.readings, e.states.R, 0.0)
-    assert columns.links_at.shape == (IMU,)
-    assert (columns.links_at == 0.0).all()
-    problem = replace(base, sensors=columns, priors=replace(base.priors, nuisance_std=NUISANCE.prior_std))
-    late = zero.copy()
+    columns = sensor_columns(SensorState().onto(NUISANCE), base.readings, e.states.R, 0.0)
+    assert columns.imu_places.tolist() == list(range(IMU))
+    assert (columns.links_at.values == 0.0).all()
+    problem, late = replace(base, sensors=columns), np.zeros(NUISANCE.size)
     late[NUISANCE.start("accelerometer_delay")] = 1e-4
-    gyro, accel = problem.bias_changes(replace(e, nuisance=late))
+    gyro, accel = problem.bias_changes(replace(e, sensors=SensorState(NUISANCE, late)))
     np.testing.assert_allclose(gyro, 0.0, atol=1e-12)
     slope = np.diff(base.readings.knot_accel, axis=0) / base.readings.spacing_s
     np.testing.assert_allclose(accel, -1e-4 * slope, atol=1e-12)

@@ -13,6 +13,8 @@ from scipy.stats import chi2
 
 from calib_core.calibrate import calibrate
 from calib_core.events import never_cancel
+from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settings import SHEETS
 from calib_core.full.joint.sheets import Beyond, beyond_sheets, say_beyond, without_sheet
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock, nuisance_of
@@ -36,8 +38,9 @@ def ended(*away: np.ndarray, fault: str = "") -> Any:
         NuisanceBlock(name, tuple(map(str, range(len(values)))), np.full(len(values), 0.01))
         for name, values in zip(names, away, strict=False)
     )
-    estimate = SimpleNamespace(nuisance=0.01 * np.concatenate(away))
-    return SimpleNamespace(nuisance=Nuisance(blocks), estimate=estimate, planes=(SimpleNamespace(fault=fault),))
+    sensors = SensorState(Nuisance(blocks), 0.01 * np.concatenate(away))
+    estimate = SimpleNamespace(sensors=sensors)
+    return SimpleNamespace(nuisance=sensors.blocks, estimate=estimate, planes=(SimpleNamespace(fault=fault),))
 
 
 def test_chance_puts_no_sensor_beyond_its_sheet() -> None:
@@ -109,13 +112,16 @@ def test_what_is_known_of_the_sensors_stays_and_is_held_less(half: Half) -> None
     values = np.array([1.0, 2.0, 3.0])
     tones = old.with_tone(12.0, 0.1, 0.0)
     shaken = np.concatenate([values, np.arange(25.0)])
-    state = half.state.with_nuisance(old, values).with_priors_of(new)
-    assert state.estimate.nuisance.tolist() == [1.0, 2.0, 3.0, 0.0]
-    assert state.priors.nuisance_std.tolist() == [0.01, 0.01, 0.01, 0.02]
-    state = half.state.with_nuisance(tones, shaken).with_priors_of(new)
-    assert state.estimate.nuisance.tolist() == [1.0, 2.0, 3.0, 0.0, *np.arange(25.0)]
+
+    def further(sensors: SensorState) -> Estimation:
+        return replace(half.state, estimate=replace(half.state.estimate, sensors=sensors)).with_priors_of(new)
+
+    state = further(SensorState(old, values))
+    assert state.estimate.sensors.values.tolist() == [1.0, 2.0, 3.0, 0.0]
+    assert state.nuisance.prior_std.tolist() == [0.01, 0.01, 0.01, 0.02]
+    state = further(SensorState(tones, shaken))
+    assert state.estimate.sensors.values.tolist() == [1.0, 2.0, 3.0, 0.0, *np.arange(25.0)]
     assert state.nuisance.tones_hz == (12.0,)
-    assert state.nuisance.size == len(state.priors.nuisance_std) == 4 + 25
 
 
 @pytest.mark.parametrize(

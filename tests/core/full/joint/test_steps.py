@@ -16,6 +16,7 @@ from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.schedule import CHOSEN, FULL, Schedule
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settle import Near
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
@@ -176,13 +177,13 @@ def test_before_the_sensors_are_known_a_tone_has_to_shout(half: Half, monkeypatc
     monkeypatch.setattr(solve, "moving_round", lambda _data, state, *_: (state, 0.0))
     state = solve.coarse_rounds(half.data, half.state, FULL)
     assert asked == [FULL.tones.shouts] * 3
-    state = replace(state, estimate=replace(state.estimate, nuisance=np.arange(25.0)))
+    state = replace(state, estimate=replace(state.estimate, sensors=SensorState(state.nuisance, np.arange(25.0))))
     after = solve.admit_sensors(half.data, state)
     assert after.nuisance.sensors == half.data.sensors
     assert after.nuisance.tones_hz == (1.4,)
-    np.testing.assert_array_equal(after.nuisance.values(after.estimate.nuisance, TONE), np.arange(25.0))
+    np.testing.assert_array_equal(after.estimate.sensors.of(TONE), np.arange(25.0))
     materials = len(half.state.planes)
-    assert len(after.priors.nuisance_std) == after.nuisance.size == half.data.sensors.size + materials + 25
+    assert after.nuisance.size == half.data.sensors.size + materials + 25
     held = replace(half.data.run, settings=half.data.run.settings.model_copy(update={"intrinsics": "consider"}))
     assert solve.admit_sensors(replace(half.data, run=held), half.state).nuisance.materials == 0
 
@@ -256,8 +257,8 @@ def test_a_patch_that_follows_another_surface_ends_the_shapes(
     Mutations: the height's sign counts; the bent state is kept, or where it does not rest; its rounds are forgotten.
     """
     surface = Nuisance((NuisanceBlock("surface", ("1:0,0", "1:1,0"), np.full(2, 0.003)),))
-    heights = replace(half.state.estimate, nuisance=np.array([0.001, height_m]))
-    uneven = replace(half.state, nuisance=surface, estimate=heights)
+    heights = SensorState(surface, np.array([0.001, height_m]))
+    uneven = replace(half.state, estimate=replace(half.state.estimate, sensors=heights))
     monkeypatch.setattr(solve, "settle", lambda *_: half.state)
     soon: list[int] = []
     near = Near(replace(uneven, rounds=77), rests, moved=0.0)
@@ -298,7 +299,7 @@ def test_what_is_no_plane_beside_the_others_is_given_no_shape(
     assert (patches is None) == (shaped is None)
     if patches is not None:
         assert sorted(set(patches.planes.tolist())) == list(range(every - (shaped or 0)))
-        assert [place.stop - place.start for place, _ in after.priors.whiteners] == [patches.count]
+        assert [place.stop - place.start for place, _ in after.nuisance.whiteners] == [patches.count]
         np.testing.assert_array_equal(np.sort(patches.number[patches.number >= 0]), np.arange(patches.count))
 
 

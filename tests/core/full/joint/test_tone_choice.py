@@ -11,6 +11,7 @@ from calib_core.full.joint import tone_choice
 from calib_core.full.joint.estimation import Estimation, LastReadings
 from calib_core.full.joint.round import gathered, one_round
 from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.sensors import true_readings
 from calib_core.full.joint.solve import admit_sensors
 from calib_core.full.joint.tone_choice import explaining
@@ -53,7 +54,7 @@ def test_what_a_tone_explains_is_no_matter_of_the_lasers(half: Half) -> None:
     sine = np.zeros(PARAMETERS)
     sine[:3] = 0.005, -0.01, 0.0075  # of the gyroscope: the accelerometer is read anew by its delay
     known = half.data.readings.part(0, before.knots)
-    shaken = true_readings(known, toned, sine, before.estimate.states.R)
+    shaken = true_readings(known, SensorState(toned, sine), before.estimate.states.R)
     data = replace(half.data, readings=shaken, asked=LastReadings())
     state = one_round(data, admit_sensors(data, before), FULL.sensors, FULL.sampling)
     assert state.nuisance.lasers

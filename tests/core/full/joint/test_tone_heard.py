@@ -10,6 +10,7 @@ import pytest
 from calib_core.full.joint import tones
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.state import no_bins
 from calib_core.full.joint.tone_choice import Explaining
 from calib_core.full.joint.tone_heard import is_heard, loudest_near
@@ -24,7 +25,7 @@ def _toned(half: Half, accel_m_s2: float) -> Estimation:
     state = with_tone(half.data, half.state, HZ, FULL.tones)
     values = np.zeros(25)
     values[3], values[0] = accel_m_s2, 0.2
-    return replace(state, estimate=replace(state.estimate, nuisance=values))
+    return replace(state, estimate=replace(state.estimate, sensors=SensorState(state.nuisance, values)))
 
 
 def _shaken(half: Half, accel_m_s2: float) -> Half:

@@ -14,6 +14,7 @@ from calib_core.factors.imu import LinkFactors
 from calib_core.full.joint import tones
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.schedule import FORECAST, FULL
+from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.state import Bins
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.joint.tones import (
@@ -25,7 +26,7 @@ from calib_core.full.joint.tones import (
     score_periodogram,
     with_tone,
 )
-from calib_core.full.prepare.nuisance import TONE, Nuisance
+from calib_core.full.prepare.nuisance import SURFACE, TONE, Nuisance
 from calib_core.geometry import log
 from calib_core.imu.tones import PARAMETERS
 from calib_core.settings import CalibrateSettings
@@ -244,7 +245,7 @@ def test_tones_are_heard_anew_from_rounds_without_any(half: Half, monkeypatch: p
     def admitted(_data: object, state: Estimation, *_: object, least: float, loud: float) -> Estimation:
         assert not state.nuisance.tones_hz
         assert not state.untuned
-        assert len(state.estimate.nuisance) == state.nuisance.size == half.state.nuisance.size
+        assert state.nuisance == half.state.nuisance
         asked.append((least, loud))
         return replace(state, rounds=78)
 
@@ -277,7 +278,6 @@ def test_three_lines_with_overlapping_feet_are_no_lines(half: Half, monkeypatch:
     hump = admitted(3.0, 5.0, 6.5)
     assert hump.nuisance == half.state.nuisance
     assert hump.nuisance.tones_hz == ()
-    assert len(hump.estimate.nuisance) == hump.nuisance.size
     monkeypatch.undo()
     assert tones.found_tones(half.data, hump, replace(RULES, beside=0.0), FULL.sensors, FULL.sampling, least=-1.0) == []
 
@@ -354,17 +354,15 @@ def test_who_wants_no_tone_does_not_listen(half: Half, monkeypatch: pytest.Monke
 def test_a_tone_comes_before_what_is_the_rooms(half: Half) -> None:
     """Two tones one after the other, and the heights of patches stay where their columns are. Mutation: append at the end."""
     values = np.arange(float(BENT.size))
-    state = replace(half.state, nuisance=BENT, estimate=replace(half.state.estimate, nuisance=values))
+    state = replace(half.state, estimate=replace(half.state.estimate, sensors=SensorState(BENT, values)))
     for hz in (1.4, 3.0):
         state = with_tone(half.data, state, hz, RULES)
     assert state.nuisance.tones_hz == (1.4, 3.0)
-    assert state.nuisance.size == len(state.estimate.nuisance) == BENT.size + 2 * PARAMETERS
-    assert len(state.priors.nuisance_std) == state.nuisance.size
-    assert (state.nuisance.values(state.estimate.nuisance, TONE) == 0.0).all()
+    assert state.nuisance.size == BENT.size + 2 * PARAMETERS
+    assert state.nuisance.start(SURFACE) == state.nuisance.size - 2
+    assert (state.estimate.sensors.of(TONE) == 0.0).all()
     for block in BENT.blocks:
-        np.testing.assert_array_equal(
-            state.nuisance.values(state.estimate.nuisance, block.block), BENT.values(values, block.block)
-        )
+        np.testing.assert_array_equal(state.estimate.sensors.of(block.block), BENT.values(values, block.block))
     assert state.nuisance.sensors.size == BENT.sensors.size
 
 
