@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import openapi from "../openapi.json";
-import { fixOf, fixText } from "../src/features/recording/fixes";
+import { fixOf, fixText, isOffered } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
 import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
@@ -131,6 +131,27 @@ describe("fixes", () => {
     expect(fixOf("--imu-noise vn100")).toBeNull();
     expect(fixOf("--stamps")).toBeNull();
     expect(fixOf("")).toBeNull();
+  });
+
+  // Fails when a recording in g, which its norm at rest is beyond doubt of, has a button that makes it unreadable; when somebody who
+  // asked for the wrong unit has none; when a doubtful finding, or a warning of something else, has none.
+  it("is offered where there is something to put right", () => {
+    const inG = {
+      code: "imu.accelerometer_unit",
+      level: "warning",
+      confidence: 1,
+      override: "--accelerometer-unit m_s2",
+    } as const;
+    const asFound = { accelerometer_unit: null, gyroscope_unit: null };
+    expect(isOffered(inG, asFound)).toBe(false);
+    expect(isOffered(inG, { ...asFound, accelerometer_unit: "g" })).toBe(true);
+    expect(isOffered(inG, { ...asFound, gyroscope_unit: "deg_s" })).toBe(false);
+    expect(isOffered({ ...inG, confidence: 0.4 }, asFound)).toBe(true);
+    expect(isOffered({ ...inG, code: "stamps.late", override: "--stamps receive" }, asFound)).toBe(true);
+    expect(isOffered({ ...inG, code: "stamps.late", level: "info", override: "--stamps receive" }, asFound)).toBe(
+      false,
+    );
+    expect(isOffered({ ...inG, confidence: 0.4, override: "" }, asFound)).toBe(false);
   });
 
   // Fails when an option's name or value reaches the button as the command line has it; when a switch is set to nothing.

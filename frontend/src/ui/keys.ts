@@ -21,6 +21,12 @@ export function typesText(event: KeyboardEvent): boolean {
   return /^(Arrow|Page|Home|End)/.test(event.key) && target.closest(usesArrows) !== null;
 }
 
+/** Whether a click is the second of a double one, which confirms nothing: a question that comes up under the pointer has not been
+ *  read yet. Keys click with a count of none. */
+export function isSecondOfDouble({ detail }: Pick<MouseEvent, "detail">): boolean {
+  return detail > 1;
+}
+
 const names: Record<string, string> = {
   mod: /Mac/.test(navigator.userAgent) ? "⌘" : "Ctrl",
   shift: "Shift",
