@@ -2,7 +2,7 @@ import { describe, expect, it } from "vitest";
 import openapi from "../openapi.json";
 import { fixOf, fixText, isOffered } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
-import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
+import { parseNudge, nudgeAxes, stepped, wallsAreSilent, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
 import {
   ago,
@@ -18,6 +18,7 @@ import {
   threeDigits,
   withSigma,
 } from "../src/ui/format";
+import { keycaps } from "../src/ui/keys";
 import { controlName } from "../src/ui/words";
 
 describe("numbers for people", () => {
@@ -203,6 +204,28 @@ describe("nudges", () => {
     expect(writeNudge(nudge)).toBe("rz_deg:2,dt_s:-0.003");
     expect(parseNudge(writeNudge(nudge))).toEqual(nudge);
     expect(parseNudge("rz_deg:1e9,evil:3,tx_m:x")).toEqual({ ...noNudge, rz_deg: 30 });
+  });
+});
+
+describe("an error that the walls do not show", () => {
+  // Seen: a shift by 1 cm left walls 14.7 mm thick beside an error bar of 0.5 mm, without a word. Fails when a turn counts as a shift;
+  // when what the walls do show is said to be hardly any.
+  it("is one of position alone", () => {
+    const blur = (mm: number) => ({ solved_rms_m: 0.0147, nudged_rms_m: 0.0147 + mm / 1000 });
+    const shift = { ...noNudge, tz_m: 0.01 };
+    expect(wallsAreSilent(shift, blur(0.04))).toBe(true);
+    expect(wallsAreSilent(shift, blur(0.3))).toBe(false);
+    expect(wallsAreSilent({ ...shift, rx_deg: 1 }, blur(0.04))).toBe(false);
+    expect(wallsAreSilent({ ...noNudge, dt_s: 0.001 }, blur(0.04))).toBe(false);
+    expect(wallsAreSilent(noNudge, blur(0))).toBe(false);
+  });
+});
+
+describe("keycaps", () => {
+  // Fails when the key that joins others has an empty cap.
+  it("has one for plus", () => {
+    expect(keycaps("+")).toEqual(["+"]);
+    expect(keycaps("shift+ArrowLeft")).toEqual(["Shift", "←"]);
   });
 });
 

@@ -116,7 +116,7 @@ LOW = ((720, 450), (844, 390))
 def test_low_windows(page: Page, solved: tuple[str, str], screen: str, action: str) -> None:
     """In a window that is low and narrow the main action is there, and the panel's content has room.
 
-    Fails with the scene and the panel sharing such a window: the action lay below it, out of reach, and 16 px were left to read in.
+    Fails with the scene and the panel sharing such a window: the action lay below it, out of reach, with 16 px left to read in.
     """
     page.goto(f"/r/{solved[0]}/{screen}?job={solved[1]}")
     button = page.get_by_role("button", name=re.compile(f"^{action}"))

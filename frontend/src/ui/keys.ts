@@ -39,5 +39,8 @@ const names: Record<string, string> = {
 
 /** The keycaps of a combination, in order. */
 export function keycaps(keys: string): string[] {
-  return keys.split("+").map((key) => names[key] ?? (key.length === 1 ? key.toUpperCase() : key));
+  // What joins keys is a key, too.
+  return (keys === "+" ? [keys] : keys.split("+")).map(
+    (key) => names[key] ?? (key.length === 1 ? key.toUpperCase() : key),
+  );
 }
