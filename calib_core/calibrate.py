@@ -24,6 +24,7 @@ from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.maps.crispness import crispness_of
+from calib_core.readers.imu.units import ARE_IN_G
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.broken_down import arithmetic_or_refused
@@ -154,11 +155,15 @@ def facing_the_lidar(plane: Plane) -> Plane:
 
 
 def with_doubts_settled(messages: Sequence[Message]) -> list[Message]:
-    """The messages of an answer, which there is none of in another unit of the gyroscope, nor with flipped axes."""
+    """The messages of an answer, which there is none of in another unit of the gyroscope, with flipped axes, or with ten times
+    gravity: who reads that accelerations are in g has nothing to do about it.
+    """
 
     def settled(message: Message) -> Message:
         if message.code == "imu.gyroscope_unit":
             return message.model_copy(update={"text": borne_out(message.text)})
+        if message.code == "imu.accelerometer_unit" and ARE_IN_G in message.text:
+            return message.model_copy(update={"level": "info"})
         if message.code == "imu.axis_signs":
             return message.model_copy(update={"code": SIGNS_BORNE_OUT, "text": SIGNS_RIGHT, "level": "info"})
         return message

@@ -88,7 +88,9 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
     for sigma, unit in sigmas_of(result):
         expect(answer).to_contain_text(cell(sigma, unit))
     expect(page.get_by_role("main")).to_contain_text(sentence)
-    holds = re.search(r"([\d.]+ s after the recording began; from there it changes by) (\S+ ± \S+ µs)", offset_holds(result))
+    holds = re.search(
+        r"([\d.]+ s after the recording began; from there it changes by) (\S+ ± \S+ µs)", offset_holds(result)
+    )
     assert holds is not None
     expect(page.get_by_role("main")).to_contain_text(f"{holds[1]} {holds[2].replace('-', '−')}")
     rests = page.get_by_role("region", name="What the answer rests on")

@@ -223,9 +223,9 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
             arms.setdefault(quiet, []).append(i)
     out = [
         Advice(
-            f"To determine the lever arm along the IMU's {' and '.join(axes[i] for i in along)} {'axes' if along[1:] else 'axis'}, "
-            f"turn to and fro about the IMU's {axes[quiet]} axis (it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s "
-            "rms; 30 deg/s or more with quick reversals is good).",
+            f"To determine the lever arm along the IMU's {' and '.join(axes[i] for i in along)} "
+            f"{'axes' if along[1:] else 'axis'}, turn to and fro about the IMU's {axes[quiet]} axis (it turned at "
+            f"{np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick reversals is good).",
             tuple(3 + i for i in along),
         )
         for quiet, along in arms.items()

@@ -24,6 +24,8 @@ from calib_core.types import Evidence, Finding, FloatArray, IntArray
 
 AccelerometerUnit = Literal["m_s2", "g"]
 GyroscopeUnit = Literal["rad_s", "deg_s"]
+#: What is said of accelerations whose norm at rest is beyond doubt; of doubtful ones it is said otherwise.
+ARE_IN_G = " are in g: "
 _RAD_PER_DEG = np.pi / 180.0
 _WINDOW_S = 0.5
 _AVERAGE_S = 0.25
@@ -80,7 +82,9 @@ def detect_accelerometer_unit(
     confidence = float(np.exp(-((distance / 0.4) ** 2)))
     unit = settings.accelerometer_unit or detected
     name = "g" if unit == "g" else "m/s²"
-    text = f"Accelerations on {topic} are in {name}: at rest their norm is {norm:.2f}."
+    text = (
+        f"Accelerations on {topic}{ARE_IN_G if name == 'g' else f' are in {name}: '}at rest their norm is {norm:.2f}."
+    )
     level: Literal["info", "warning"] = "warning" if unit == "g" or confidence < 0.5 else "info"
     if confidence < 0.5:
         text = (

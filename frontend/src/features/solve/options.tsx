@@ -67,6 +67,7 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
     <NativeSelect
       size="xs"
       label={label}
+      name={name}
       value={draft[name]}
       data={data}
       onChange={(event) => set({ [name]: event.currentTarget.value })}
@@ -81,6 +82,7 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
   const place = draft.priors.findIndex(({ axis }) => axis === sought);
   useEffect(() => {
     if (place >= 0) go(priorField(place, "value"));
+    else if (sought !== null) go(sought);
     // Once, for who was sent here to put it right.
     // eslint-disable-next-line react-hooks/exhaustive-deps
   }, []);
