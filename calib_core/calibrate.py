@@ -24,12 +24,11 @@ from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.maps.crispness import crispness_of
-from calib_core.readers.imu.units import ARE_IN_G
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.broken_down import arithmetic_or_refused
 from calib_core.threads import one_blas_thread
-from calib_core.types import InitialGuess, Plane, Recording, Trajectory
+from calib_core.types import ARE_IN_G, InitialGuess, Plane, Recording, Trajectory
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -155,8 +154,8 @@ def facing_the_lidar(plane: Plane) -> Plane:
 
 
 def with_doubts_settled(messages: Sequence[Message]) -> list[Message]:
-    """The messages of an answer, which there is none of in another unit of the gyroscope, with flipped axes, or with ten times
-    gravity: who reads that accelerations are in g has nothing to do about it.
+    """The messages of an answer, which there is none of in another unit of the IMU, nor with flipped axes: of accelerations in g
+    nobody has to be warned any more.
     """
 
     def settled(message: Message) -> Message:

@@ -20,12 +20,10 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.readers.imu.rotation import rotation_matrices
 from calib_core.settings import ReadSettings
-from calib_core.types import Evidence, Finding, FloatArray, IntArray
+from calib_core.types import ARE_IN_G, Evidence, Finding, FloatArray, IntArray
 
 AccelerometerUnit = Literal["m_s2", "g"]
 GyroscopeUnit = Literal["rad_s", "deg_s"]
-#: What is said of accelerations whose norm at rest is beyond doubt; of doubtful ones it is said otherwise.
-ARE_IN_G = " are in g: "
 _RAD_PER_DEG = np.pi / 180.0
 _WINDOW_S = 0.5
 _AVERAGE_S = 0.25
