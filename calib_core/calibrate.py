@@ -28,7 +28,7 @@ from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.broken_down import arithmetic_or_refused
 from calib_core.threads import one_blas_thread
-from calib_core.types import InitialGuess, Plane, Recording, Trajectory
+from calib_core.types import ARE_IN_G, InitialGuess, Plane, Recording, Trajectory
 
 __all__ = ["Calibration", "calibrate"]
 
@@ -154,11 +154,15 @@ def facing_the_lidar(plane: Plane) -> Plane:
 
 
 def with_doubts_settled(messages: Sequence[Message]) -> list[Message]:
-    """The messages of an answer, which there is none of in another unit of the gyroscope, nor with flipped axes."""
+    """The messages of an answer, which there is none of in another unit of the IMU, nor with flipped axes: of accelerations in g
+    nobody has to be warned any more.
+    """
 
     def settled(message: Message) -> Message:
         if message.code == "imu.gyroscope_unit":
             return message.model_copy(update={"text": borne_out(message.text)})
+        if message.code == "imu.accelerometer_unit" and ARE_IN_G in message.text:
+            return message.model_copy(update={"level": "info"})
         if message.code == "imu.axis_signs":
             return message.model_copy(update={"code": SIGNS_BORNE_OUT, "text": SIGNS_RIGHT, "level": "info"})
         return message

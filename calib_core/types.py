@@ -40,6 +40,10 @@ class Evidence:
     unit: str = ""
 
 
+#: What is said of accelerations in g whose norm at rest is beyond doubt; of doubtful ones it is said otherwise.
+ARE_IN_G = " are in g: "
+
+
 @dataclass(frozen=True, slots=True)
 class Finding:
     """Something detected about a recording: what, how sure, what follows, how to override it.

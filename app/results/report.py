@@ -17,7 +17,7 @@ import numpy as np
 
 from app.results import captions, plot_parts, plots
 from app.results.beside import Beside
-from app.results.verdict import HEADINGS, rests_on, sigma_of_offset, told, tone
+from app.results.verdict import HEADINGS, offset_holds, rests_on, sigma_of_offset, told, tone
 from app.schemas.evidence import Evidence
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
@@ -48,6 +48,7 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
         verdict=told(result),
         rows=_rows(result),
         rests_on=rests_on(result),
+        offset_holds=offset_holds(result),
         matrix=None if result.T_imu_lidar is None else result.T_imu_lidar.matrix,
         rig=rig,
         figures=figures,

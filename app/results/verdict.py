@@ -7,7 +7,7 @@ from app.schemas.jobs import SolveOutcome, Tone
 from app.weak_limits import AXIS_NAMES
 from calib_core.counts import counted
 from calib_core.result import CalibrationResult, Status
-from calib_core.sigmas import std_text
+from calib_core.sigmas import decimals, std_text, two_digits
 
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
@@ -66,6 +66,16 @@ def rests_on(result: CalibrationResult) -> str:
 def sigma_of_offset(result: CalibrationResult) -> float | None:
     """The time offset's standard deviation [s]; None where it was held, or nothing is known of it."""
     return None if result.uncertainty is None or held_offset(result) else result.uncertainty.time_offset_std_s
+
+
+def offset_holds(result: CalibrationResult) -> str:
+    """When the time offset holds and how it goes on from there, in the words of the page; "" where the clocks were taken to run
+    alike."""
+    rate, std, at_s = result.clock_rate_ppm, result.clock_rate_ppm_std, result.time_offset_at_s
+    if rate is None or std is None or at_s is None:
+        return ""
+    change = f"{round(rate, decimals(std)) + 0.0:.{decimals(std)}f} ± {two_digits(std)}"
+    return f"The offset holds {at_s:.1f} s after the recording began; from there it changes by {change} µs per second."
 
 
 def verdict(result: CalibrationResult) -> str:

@@ -96,6 +96,14 @@ describe("the options of a solve", () => {
     show(options(), "/r/ab/solve?job=j&known=tz");
     expect(document.activeElement).toBe(screen.getByRole("textbox", { name: "Value of Position z, mm" }));
   });
+
+  // Fails when who is told to name the IMU is left before a folded form.
+  it("begin at the sensor that somebody is to name", () => {
+    show(options(), "/r/ab/solve?job=j&known=imuNoise");
+    const imu = screen.getByRole("combobox", { name: "IMU noise" });
+    expect(document.activeElement).toBe(imu);
+    expect(imu.closest("details")?.open).toBe(true);
+  });
 });
 
 describe("how a recording is read", () => {

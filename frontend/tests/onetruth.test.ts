@@ -4,7 +4,7 @@ import { addMessages, emptyRun } from "../src/api/jobstream";
 import { longStep, stalledS } from "../src/features/jobs/timeleft";
 import { determines, strength } from "../src/features/planes/determinacy";
 import { planesText } from "../src/features/recording/forecast";
-import { contradicted, firstStep, otherUnit } from "../src/features/result/nextsteps";
+import { contradicted, firstStep, otherUnit, toMeasure } from "../src/features/result/nextsteps";
 import { toneOf } from "../src/features/result/verdict";
 import { answerOf, parametersOf } from "../src/features/solve/parameters";
 import { standingOf } from "../src/features/start/standing";
@@ -132,12 +132,15 @@ describe("the next step of a refusal", () => {
     expect(otherUnit(recording, ["the lidar stood still"])).toBeNull();
   });
 
-  // Fails when what is said of every recording in g is taken for a doubt; when two reasons together make one.
+  // Fails when what is said of every recording in g is taken for a doubt; when two reasons together make one; when a bias
+  // that wanders "29 times as fast" is taken for a gyroscope in degrees, and that is the first thing to do.
   it("leaves a unit alone that nothing speaks against", () => {
     const inG = "Accelerations on /imu are in g: at rest their norm is 1.00.";
     expect(otherUnit(recording, [inG, "the planes chosen do not hold the motion"])).toBeNull();
     expect(otherUnit(recording, [inG, "the turns hang together (in units of 1 deg, 10 mm, 1 ms)"])).toBeNull();
     expect(otherUnit(recording, [inG, "the unit of the ranges is in doubt"])).toBeNull();
+    const wanders = "The gyroscope's bias wanders 29 times as fast as such sensors' do once they are warm";
+    expect(otherUnit(recording, [inG, wanders])).toBeNull();
     const gravity = "the best answer needs gravity to be 7.50 m/s²; the IMU's units are not what they seem";
     expect(otherUnit(recording, [gravity])?.change).toEqual({ accelerometer_unit: "g" });
     const neither = "At rest they have norm 3.10, which is gravity neither in m/s² nor in g; m/s² is assumed.";
@@ -170,5 +173,17 @@ describe("the next step of a refusal", () => {
     expect(contradicted(said("time offset"), ["tx", "dt"])).toBe("dt");
     expect(contradicted(["something else"], ["ty"])).toBe("ty");
     expect(contradicted(said("time offset"), [])).toBeNull();
+  });
+
+  // Fails when the tape measure is asked for along the axis that is known best, of an answer that is not weak, or where only the
+  // turns are weak.
+  it("asks for the position that is known least", () => {
+    const weak = (...translation_std_m: number[]) => ({ status: "weak", uncertainty: { translation_std_m } }) as never;
+    expect(toMeasure(weak(1.3, 3.9, 9.1), 0.02)).toBe("tz");
+    expect(toMeasure(weak(0.03, 0.001, 0.001), 0.02)).toBe("tx");
+    expect(toMeasure(weak(0.003, 0.001, 0.002), 0.02)).toBeNull();
+    const calibrated = { status: "calibrated", uncertainty: { translation_std_m: [0.1, 0.1, 0.1] } } as never;
+    expect(toMeasure(calibrated, 0.02)).toBeNull();
+    expect(toMeasure({ status: "refused", uncertainty: null }, 0.02)).toBeNull();
   });
 });

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { Job } from "../src/api/client";
-import { draftOf, problemsOf, settingsOf } from "../src/features/solve/draft";
+import { asking, draftOf, problemsOf, settingsOf } from "../src/features/solve/draft";
 import { matrixOf } from "../src/features/solve/guess";
 import { gravityAt, latitudeOf, priorOf, priorText } from "../src/features/solve/priors";
 import { usual } from "./usual";
@@ -55,6 +55,17 @@ describe("what a solve is told", () => {
       value: "90",
       sigma: "0.572958",
     });
+  });
+
+  // Fails when who was sent here to give a number finds no field for it; when what was given before is asked for twice.
+  it("has a row for the axis that somebody is to give", () => {
+    const row = { axis: "tz", value: "", sigma: "" };
+    expect(asking(draftWith(before), "tz").priors).toEqual([row]);
+    expect(problemsOf(asking(draftWith(before), "tz"), usual, {}).at(0)?.field).toBe("prior 0 value");
+    const given = asking(draftWith(before), "tz");
+    expect(asking(given, "tz")).toBe(given);
+    expect(asking(draftWith(before), "nonsense").priors).toEqual([]);
+    expect(asking(draftWith(before), null).priors).toEqual([]);
   });
 
   // Fails when an unfinished number is sent as the default, or blocks that were named one by one are lost.

@@ -1,5 +1,5 @@
 import { expect, it } from "vitest";
-import { isOfSensors, gyroscopeText, parameterName, readableIntrinsic } from "../src/features/result/sensors";
+import { isOfSensors, gyroscopeText, parameterName, readableIntrinsic, toName } from "../src/features/result/sensors";
 
 // Fails when a block of one parameter says its name twice.
 it("a parameter's name is said once", () => {
@@ -36,4 +36,17 @@ it("what a filter smears is told in units in which it is no row of zeros", () =>
   expect(readableIntrinsic(spread)).toEqual({ value: "47.9", sigma: "1.4", prior: "100", unit: "ms²" });
   const skew = { value: -5.01e-7, std: 1.9e-8, prior_std: 4e-6, unit: "s3" };
   expect(readableIntrinsic(skew)).toEqual({ value: "\u2212501", sigma: "19", prior: "4000", unit: "ms³" });
+});
+
+// Fails when another sentence is taken for one that asks for a name; when a lidar is to be named where IMUs are.
+it("leads to the sensor that is to be named", () => {
+  const said = (cure: string) => ({
+    code: "sensor.priors",
+    text: `error bars are wider, 3.4 times in rotation${cure}`,
+  });
+  expect(toName(said("; naming the IMU narrows them"))?.control).toBe("imuNoise");
+  expect(toName(said("; naming the IMU and the lidar narrows them"))?.control).toBe("imuNoise");
+  expect(toName(said("; naming the lidar narrows them"))?.control).toBe("lidar");
+  expect(toName(said(""))).toBeNull();
+  expect(toName({ ...said("; naming the IMU narrows them"), code: "sensor.clock" })).toBeNull();
 });

@@ -1,8 +1,8 @@
 import { describe, expect, it } from "vitest";
 import openapi from "../openapi.json";
-import { fixOf, fixText } from "../src/features/recording/fixes";
+import { fixOf, fixText, isOffered } from "../src/features/recording/fixes";
 import { dragged, moved } from "../src/features/recording/span";
-import { parseNudge, nudgeAxes, stepped, writeNudge, noNudge } from "../src/features/inspect/nudges";
+import { parseNudge, nudgeAxes, stepped, wallsAreSilent, writeNudge, noNudge } from "../src/features/inspect/nudges";
 import { addSample, rateOf, type RateSample } from "../src/features/start/rate";
 import {
   ago,
@@ -18,6 +18,7 @@ import {
   threeDigits,
   withSigma,
 } from "../src/ui/format";
+import { keycaps } from "../src/ui/keys";
 import { controlName } from "../src/ui/words";
 
 describe("numbers for people", () => {
@@ -133,6 +134,27 @@ describe("fixes", () => {
     expect(fixOf("")).toBeNull();
   });
 
+  // Fails when a recording in g, which its norm at rest is beyond doubt of, has a button that makes it unreadable; when somebody who
+  // asked for the wrong unit has none; when a doubtful finding, or a warning of something else, has none.
+  it("is offered where there is something to put right", () => {
+    const inG = {
+      code: "imu.accelerometer_unit",
+      level: "warning",
+      confidence: 1,
+      override: "--accelerometer-unit m_s2",
+    } as const;
+    const asFound = { accelerometer_unit: null, gyroscope_unit: null };
+    expect(isOffered(inG, asFound)).toBe(false);
+    expect(isOffered(inG, { ...asFound, accelerometer_unit: "g" })).toBe(true);
+    expect(isOffered(inG, { ...asFound, gyroscope_unit: "deg_s" })).toBe(false);
+    expect(isOffered({ ...inG, confidence: 0.4 }, asFound)).toBe(true);
+    expect(isOffered({ ...inG, code: "stamps.late", override: "--stamps receive" }, asFound)).toBe(true);
+    expect(isOffered({ ...inG, code: "stamps.late", level: "info", override: "--stamps receive" }, asFound)).toBe(
+      false,
+    );
+    expect(isOffered({ ...inG, confidence: 0.4, override: "" }, asFound)).toBe(false);
+  });
+
   // Fails when an option's name or value reaches the button as the command line has it; when a switch is set to nothing.
   it("names the control that a fix sets, and its value, in the page's words", () => {
     expect(fixText("--gyroscope-unit deg_s")).toBe("Set “Gyroscope unit” to °/s");
@@ -182,6 +204,28 @@ describe("nudges", () => {
     expect(writeNudge(nudge)).toBe("rz_deg:2,dt_s:-0.003");
     expect(parseNudge(writeNudge(nudge))).toEqual(nudge);
     expect(parseNudge("rz_deg:1e9,evil:3,tx_m:x")).toEqual({ ...noNudge, rz_deg: 30 });
+  });
+});
+
+describe("an error that the walls do not show", () => {
+  // Seen: a shift by 1 cm left walls 14.7 mm thick beside an error bar of 0.5 mm, without a word. Fails when a turn counts as a shift;
+  // when what the walls do show is said to be hardly any.
+  it("is one of position alone", () => {
+    const blur = (mm: number) => ({ solved_rms_m: 0.0147, nudged_rms_m: 0.0147 + mm / 1000 });
+    const shift = { ...noNudge, tz_m: 0.01 };
+    expect(wallsAreSilent(shift, blur(0.04))).toBe(true);
+    expect(wallsAreSilent(shift, blur(0.3))).toBe(false);
+    expect(wallsAreSilent({ ...shift, rx_deg: 1 }, blur(0.04))).toBe(false);
+    expect(wallsAreSilent({ ...noNudge, dt_s: 0.001 }, blur(0.04))).toBe(false);
+    expect(wallsAreSilent(noNudge, blur(0))).toBe(false);
+  });
+});
+
+describe("keycaps", () => {
+  // Fails when the key that joins others has an empty cap.
+  it("has one for plus", () => {
+    expect(keycaps("+")).toEqual(["+"]);
+    expect(keycaps("shift+ArrowLeft")).toEqual(["Shift", "←"]);
   });
 });
 

@@ -87,6 +87,21 @@ def test_the_page_says_what_one_signs_for(page):
     assert NAME not in page
 
 
+def test_the_offset_has_the_instant_at_which_it_holds():
+    """Mutations: the instant, or the way the offset goes on from there, left out; a rate of -0.04 ± 4.2 told as "-0.0"; clocks
+    that were taken to run alike told to do so.
+    """
+    alike = world.make_result()
+    assert "after the recording began" not in report_page(alike)
+    for rate, told in ((-1.53, "-1.5"), (-0.04, "0.0"), (48.21, "48.2")):
+        apart = {"clock_rate_ppm": rate, "clock_rate_ppm_std": 4.2, "time_offset_at_s": 10.04}
+        page = report_page(alike.model_copy(update=apart))
+        assert (
+            f"The offset holds 10.0 s after the recording began; from there it changes by {told} ± 4.2 µs per second."
+            in page
+        )
+
+
 def test_every_picture_has_a_sentence_and_units_and_nothing_comes_from_a_network(page):
     """Mutations: a figure without its caption; an axis without its label; the SVG linked instead of held."""
     figures = re.findall(r"<figure.*?</figure>", page, re.DOTALL)

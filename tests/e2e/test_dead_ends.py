@@ -49,6 +49,14 @@ def solve_by_clicks(page: Page, recording: str) -> str:
     return re.findall(r"job=(\w+)", page.url)[0]
 
 
+def test_a_link_that_was_cut_off_leads_on(page: Page) -> None:
+    """It says so, and has a way to the recordings. Mutation: the server is asked for it, whose answer is a pattern."""
+    page.goto("/r/5f0c6c9b/planes")
+    expect(page.get_by_role("heading", name="There is nothing at this address")).to_be_visible()
+    page.get_by_role("link", name="Start page").last.click()
+    expect(page.get_by_role("heading", name="Recordings")).to_be_visible()
+
+
 def test_points_without_times_come_to_a_result(page: Page, api: Api, timeless: str) -> None:
     """The report offers the cure where it says what is wrong; one click, and it is solved like any other.
 

@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 from rich.console import Console
 
 from app.cli.summary import result_summary
-from app.results.verdict import verdict
+from app.results.verdict import offset_holds, verdict
 from calib_core.result import COVARIANCE_ORDER, WEAK_DEG, WEAK_M, WEAK_S, CalibrationResult
 from tests.e2e.support import Api, dense_spots, scene, wait_for_cloud
 
@@ -88,6 +88,11 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
     for sigma, unit in sigmas_of(result):
         expect(answer).to_contain_text(cell(sigma, unit))
     expect(page.get_by_role("main")).to_contain_text(sentence)
+    holds = re.search(
+        r"([\d.]+ s after the recording began; from there it changes by) (\S+ ± \S+ µs)", offset_holds(result)
+    )
+    assert holds is not None
+    expect(page.get_by_role("main")).to_contain_text(f"{holds[1]} {holds[2].replace('-', '−')}")
     rests = page.get_by_role("region", name="What the answer rests on")
     expect(rests).to_contain_text(re.compile(rf"Planes used{planes}(?!\d)"))
     expect(rests).to_contain_text(f"rms{rms}")

@@ -61,7 +61,8 @@ def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
 def test_everything_can_be_taken_away(page: Page, solved: tuple[str, str], tmp_path: Path) -> None:
     """The command with its planes, the 3D page, the report: each is what it says it is.
 
-    Fails with the planes' file not offered beside the command that reads it; with a scene page that has no viewer.
+    Fails with the planes' file not offered beside the command that reads it; with a scene page that has no viewer; with a
+    report of two columns on a telephone, whose second was out of sight.
     """
     page.goto(f"/r/{solved[0]}/result?job={solved[1]}")
     words = shlex.split(page.get_by_role("group", name="the command").inner_text())
@@ -79,7 +80,13 @@ def test_everything_can_be_taken_away(page: Page, solved: tuple[str, str], tmp_p
     assert (tmp_path / "scene.html").stat().st_size > 500_000
     with page.context.expect_page() as opened:
         page.get_by_role("link", name="Report to print").click()
-    expect(opened.value.get_by_role("heading", name="Calibration of room.bag")).to_be_visible()
+    report = opened.value
+    expect(report.get_by_role("heading", name="Calibration of room.bag")).to_be_visible()
+    report.set_viewport_size({"width": 390, "height": 844})  # a telephone's
+    assert report.evaluate("document.documentElement.scrollWidth") <= 390
+    drawn = report.get_by_role("img", name="The axes of the IMU").bounding_box()
+    assert drawn is not None
+    assert drawn["x"] + drawn["width"] <= 390
 
 
 #: By the viewer's own word: which pieces of the cloud are drawn, where its camera is, and how the room is turned in its axes.

@@ -104,3 +104,28 @@ def test_planes(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     # As it was, for the picture that the other scheme makes.
     page.keyboard.press("Control+z")
     until(lambda: all(patch["name"] != f"wall {scheme}" for patch in api.planes(solved[0])["patches"]))
+
+
+#: A desk's window at twice its size; a telephone held sideways.
+LOW = ((720, 450), (844, 390))
+
+
+@pytest.mark.parametrize(
+    ("screen", "action"), [("planes", "Solve with"), ("solve", "Inspect the answer"), ("inspect", "See the result")]
+)
+def test_low_windows(page: Page, solved: tuple[str, str], screen: str, action: str) -> None:
+    """In a window that is low and narrow the main action is there, and the panel's content has room.
+
+    Fails with the scene and the panel sharing such a window: the action lay below it, out of reach, with 16 px left to read in.
+    """
+    page.goto(f"/r/{solved[0]}/{screen}?job={solved[1]}")
+    button = page.get_by_role("button", name=re.compile(f"^{action}"))
+    details = page.get_by_role("group", name=re.compile(": details$"))
+    for width, height in LOW:
+        page.set_viewport_size({"width": width, "height": height})
+        expect(button).to_be_in_viewport(ratio=1)
+        box = details.bounding_box()
+        assert box is not None
+        assert box["height"] > height / 2
+        details.locator("> *").last.scroll_into_view_if_needed()
+        expect(button).to_be_in_viewport(ratio=1)

@@ -16,7 +16,7 @@ from calib_core.full.joint.bounds import amount
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.priors import PriorRow
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, TIME_OFFSET
-from calib_core.full.joint.undetermined import NAMES
+from calib_core.full.joint.undetermined import NAMES, UNDETERMINED, UNITS
 from calib_core.full.run import Run
 from calib_core.solver.arrow import solve_shared
 from calib_core.solver.information import covariance, covariance_of
@@ -56,10 +56,16 @@ def contradictions(
     """Those of the rows that the recording contradicts. at, stds: (7,) of the answer, as the rows speak of it, SI units.
 
     added: (7,) variances of what the recording says, SI units, that stds know nothing of.
+    Where the recording alone leaves a parameter open, a solve holds it where the prior had it when it was found to be open,
+    and not where the last round would: that distance is nothing that the recording says.
     """
     found = []
+    open_stds = UNDETERMINED * UNITS
     for row in rows:
-        left = max(1.0 - (stds[row.column] / row.std) ** 2, GIVEN.least_told)
+        told = 1.0 - (stds[row.column] / row.std) ** 2
+        if told <= 0.0 or stds[row.column] / np.sqrt(told) > open_stds[row.column]:
+            continue
+        left = max(told, GIVEN.least_told)
         moved = float(at[row.column]) - row.value
         beyond = 0.0 if added is None else float(added[row.column])
         sigmas = abs(moved / left) / np.sqrt(row.std**2 / left + beyond)

@@ -90,18 +90,22 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
     turning_std_rad_s: (3,) rms angular rate about the IMU's axes.
     """
     weak = knowledge.weak_axes
-    out: list[Advice] = []
     axes = "xyz"
+    # By the axis to turn about: what one turning makes known is said once.
+    arms: dict[int, list[int]] = {}
     for i in range(3):
         if f"t{axes[i]}" in weak:
-            others = [a for a in range(3) if a != i]
-            quiet = min(others, key=lambda a: turning_std_rad_s[a])
-            text = (
-                f"To determine the lever arm along the IMU's {axes[i]} axis, turn to and fro about the IMU's {axes[quiet]} axis "
-                f"(it turned at {np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick "
-                "reversals is good)."
-            )
-            out.append(Advice(text, (3 + i,)))
+            quiet = min((a for a in range(3) if a != i), key=lambda a: turning_std_rad_s[a])
+            arms.setdefault(quiet, []).append(i)
+    out = [
+        Advice(
+            f"To determine the lever arm along the IMU's {' and '.join(axes[i] for i in along)} "
+            f"{'axes' if along[1:] else 'axis'}, turn to and fro about the IMU's {axes[quiet]} axis (it turned at "
+            f"{np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick reversals is good).",
+            tuple(3 + i for i in along),
+        )
+        for quiet, along in arms.items()
+    ]
     if any(axis.startswith("r") for axis in weak):
         lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
         quiet_axis = int(np.argmin(lidar_turning))

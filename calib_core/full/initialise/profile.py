@@ -39,7 +39,7 @@ def offset_profile(
         step_s=PROFILE.step_s,
         likeness=[round(float(value), 4) if np.isfinite(value) else None for value in best],
         best_s=round(best_s, 5),
-        text=f"The highest, {best[top]:.3f}, is at {1e3 * best_s:+.1f} ms{_meaning(best, top, best_s, sweep)}.",
+        text=f"The highest, {best[top]:.3f}, is at {round(1e3 * best_s, 1) + 0.0:+.1f} ms{_meaning(best, top, best_s, sweep)}.",
     )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.readers.imu.rotation import rotation_matrices
 from calib_core.settings import ReadSettings
-from calib_core.types import Evidence, Finding, FloatArray, IntArray
+from calib_core.types import ARE_IN_G, Evidence, Finding, FloatArray, IntArray
 
 AccelerometerUnit = Literal["m_s2", "g"]
 GyroscopeUnit = Literal["rad_s", "deg_s"]
@@ -94,7 +94,9 @@ def detect_accelerometer_unit(
     confidence = float(np.exp(-((distance / 0.4) ** 2)))
     unit = settings.accelerometer_unit or detected
     name = "g" if unit == "g" else "m/s²"
-    text = f"Accelerations on {topic} are in {name}: at rest their norm is {norm:.2f}."
+    text = (
+        f"Accelerations on {topic}{ARE_IN_G if name == 'g' else f' are in {name}: '}at rest their norm is {norm:.2f}."
+    )
     level: Literal["info", "warning"] = "warning" if unit == "g" or confidence < 0.5 else "info"
     if confidence < 0.5:
         text = (

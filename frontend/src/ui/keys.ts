@@ -21,6 +21,12 @@ export function typesText(event: KeyboardEvent): boolean {
   return /^(Arrow|Page|Home|End)/.test(event.key) && target.closest(usesArrows) !== null;
 }
 
+/** Whether a click is the second of a double one, which confirms nothing: a question that comes up under the pointer has not been
+ *  read yet. Keys click with a count of none. */
+export function isSecondOfDouble({ detail }: Pick<MouseEvent, "detail">): boolean {
+  return detail > 1;
+}
+
 const names: Record<string, string> = {
   mod: /Mac/.test(navigator.userAgent) ? "⌘" : "Ctrl",
   shift: "Shift",
@@ -33,5 +39,8 @@ const names: Record<string, string> = {
 
 /** The keycaps of a combination, in order. */
 export function keycaps(keys: string): string[] {
-  return keys.split("+").map((key) => names[key] ?? (key.length === 1 ? key.toUpperCase() : key));
+  // What joins keys is a key, too.
+  return (keys === "+" ? [keys] : keys.split("+")).map(
+    (key) => names[key] ?? (key.length === 1 ? key.toUpperCase() : key),
+  );
 }

@@ -19,8 +19,9 @@ from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT
 from calib_core.geometry import log
+from calib_core.readers.imu.units import detect_accelerometer_unit
 from calib_core.result import CalibrationResult, Message
-from calib_core.settings import CalibrateSettings
+from calib_core.settings import CalibrateSettings, ReadSettings
 from calib_core.simulate import Scenario, Truth, generate
 from calib_core.simulate.motions import STILL
 from calib_core.types import ImuData, Recording
@@ -272,7 +273,8 @@ def test_planes_are_called_in_an_answer_as_where_they_are_looked_at(
 
 def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
     """Seen: `inspect` said that the lidar turns just as fast, the result of the same recording that only plausibility speaks.
-    Mutation: messages as they came.
+    Every answer of a Livox had a warning of its accelerations in g. Mutations: messages as they came; none warned of a unit that
+    was asked for, or that is neither.
     """
     said = [
         Message(
@@ -284,6 +286,14 @@ def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
         Message(code="imu.axis_signs", level="warning", text="Gyroscope axis y on /imu: its sign looks flipped."),
     ]
     unit, noise, signs = with_doubts_settled(said)
+    settings = ReadSettings(accelerometer_unit="m_s2")
+    for scale, level, asked in ((1.0, "info", None), (3.1, "warning", None), (1.0, "warning", settings)):
+        stamps_ns = np.arange(0, 4_000_000_000, 5_000_000)
+        accel = np.full((len(stamps_ns), 3), scale / np.sqrt(3.0))
+        _, found = detect_accelerometer_unit(stamps_ns, 0.0 * accel, accel, asked or ReadSettings(), "/imu")
+        assert found.level == "warning"
+        (told,) = with_doubts_settled([Message(code=found.code, level=found.level, text=found.text)])
+        assert (told.level, told.text) == (level, found.text)
     assert (signs.code, signs.level, signs.text) == (SIGNS_BORNE_OUT, "info", SIGNS_RIGHT)
     assert unit.text == "Angular rates on /imu are in rad/s: the lidar turns just as fast."
     assert noise == said[1]

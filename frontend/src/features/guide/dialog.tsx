@@ -4,7 +4,7 @@ import { Link } from "react-router";
 import { Icon } from "../../ui/icons";
 import css from "./guide.module.css";
 import { MotionPicture } from "./motion";
-import { guide, platforms, type Platform } from "./texts";
+import { guide, platforms, pointTimes, type Platform } from "./texts";
 
 interface GuideDialogProps {
   asked?: readonly string[];
@@ -46,6 +46,7 @@ export function GuideDialog({ asked = [], again = false, onClose }: GuideDialogP
           {advice.steps.map((step) => (
             <li key={step}>{step}</li>
           ))}
+          <li>{pointTimes}</li>
         </ol>
         <p>{advice.limit}</p>
         {again && (

@@ -51,4 +51,8 @@ export const guide: Readonly<Record<Platform, Advice>> = {
   },
 };
 
+/** The same for every rig, and the one thing that a later look at the recording cannot put right. */
+export const pointTimes =
+  "Let the lidar’s driver keep the time of each point; without them there is nothing to calibrate. Some need an option for it: RoboSense POINT_TYPE=XYZIRT, Livox xfer_format 1 or CustomMsg, Ouster point_type original.";
+
 export const platforms: readonly Platform[] = ["hand", "car", "drone"];

@@ -3,7 +3,7 @@ import type { View } from "../../api/client";
 import { fixed } from "../../ui/format";
 import { Section } from "../../ui/panel";
 import css from "./inspect.module.css";
-import { noNudge, nudgeAxes, stepped, writeNudge, type Nudge } from "./nudges";
+import { noNudge, nudgeAxes, stepped, wallsAreSilent, writeNudge, type Nudge } from "./nudges";
 
 interface NudgeSectionProps {
   nudge: Nudge;
@@ -28,6 +28,7 @@ export function NudgeSection({ nudge, blur, onChange }: NudgeSectionProps) {
           <>
             Walls <span className="num">{fixed(blur.solved_rms_m * 1000, 1)}</span> mm thick as solved,{" "}
             <strong className="num">{fixed(blur.nudged_rms_m * 1000, 1)} mm</strong> with this error.
+            {wallsAreSilent(nudge, blur) && " Walls hardly show a shift; the accelerations tell it."}
           </>
         ) : nudged ? (
           "Working out what this error costs…"

@@ -1,3 +1,4 @@
+import type { View } from "../../api/client";
 import type { components } from "../../api/generated/schema";
 
 export type Nudge = components["schemas"]["Nudge"];
@@ -24,6 +25,8 @@ export const nudgeAxes: readonly NudgeAxis[] = [
   { key: "dt_s", label: "Time offset", unit: "ms", step: 0.001, most: 0.5, factor: 1000 },
 ];
 
+const shownM = 1e-4;
+
 export const noNudge: Nudge = { rx_deg: 0, ry_deg: 0, rz_deg: 0, tx_m: 0, ty_m: 0, tz_m: 0, dt_s: 0 };
 
 /** One step more or less, kept within bounds and free of binary dust. */
@@ -31,6 +34,13 @@ export function stepped(nudge: Nudge, axis: NudgeAxis, steps: number): Nudge {
   const wanted = nudge[axis.key] + steps * axis.step;
   const value = Math.round(Math.max(-axis.most, Math.min(axis.most, wanted)) * 1e6) / 1e6;
   return { ...nudge, [axis.key]: value };
+}
+
+/** Whether a shift alone leaves the walls as they are, to the tenth of a millimetre that is shown: who sees that takes the lever arm
+ *  for unknown. */
+export function wallsAreSilent(nudge: Nudge, blur: NonNullable<View["blur"]>): boolean {
+  const shifted = nudgeAxes.every(({ key }) => key.startsWith("t") || nudge[key] === 0);
+  return shifted && writeNudge(nudge) !== "" && blur.nudged_rms_m - blur.solved_rms_m < shownM;
 }
 
 /** `rz_deg:2,dt_s:-0.001`; empty for no nudge. */

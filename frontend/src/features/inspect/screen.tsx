@@ -1,6 +1,6 @@
 import { Button } from "@mantine/core";
 import { useQuery } from "@tanstack/react-query";
-import { useNavigate, useSearchParams } from "react-router";
+import { Link, useNavigate, useSearchParams } from "react-router";
 import type { Recording, Run } from "../../api/client";
 import { sparse } from "../../api/client";
 import { isFinal } from "../../api/jobstream";
@@ -35,6 +35,16 @@ export function InspectScreen() {
       <Panel title="Inspect">
         <StateBox title="There is no answer to look at">
           <p>{whyNothing(run, workspace.recording)}</p>
+          {run !== undefined && (
+            <Button
+              component={Link}
+              to={`/r/${workspace.recording.id}/result?job=${run.job.id}`}
+              variant="default"
+              mt="sm"
+            >
+              See why
+            </Button>
+          )}
         </StateBox>
       </Panel>
     );

@@ -1,4 +1,4 @@
-import type { ChangeRecording, ReadSettings } from "../../api/client";
+import type { ChangeRecording, FindingReport, ReadSettings } from "../../api/client";
 import { controlName, valueName } from "../../ui/words";
 
 type SettingKey = Exclude<keyof ReadSettings, "start_s" | "end_s">;
@@ -48,6 +48,20 @@ export function fixOf(override: string): ChangeRecording | null {
     change[key] = kinds[key] === "number" ? Number(value) : value;
   }
   return Object.keys(change).length > 0 ? change : null;
+}
+
+const units = { "imu.accelerometer_unit": "accelerometer_unit", "imu.gyroscope_unit": "gyroscope_unit" } as const;
+
+/** Whether a button offers the override. What is beyond doubt needs none; a unit that the readings themselves tell is so even where
+ *  it is the rarer one, of which a person is warned, but not one that somebody asked for. */
+export function isOffered(
+  finding: Pick<FindingReport, "code" | "level" | "confidence" | "override">,
+  read: Pick<ReadSettings, "accelerometer_unit" | "gyroscope_unit">,
+): boolean {
+  if (fixOf(finding.override) === null) return false;
+  if (finding.confidence < 0.95) return true;
+  const unit = Object.entries(units).find(([code]) => code === finding.code)?.[1];
+  return finding.level !== "info" && (unit === undefined || (read[unit] ?? null) !== null);
 }
 
 /** The override in the words of the control that it sets: `Set “Gyroscope unit” to °/s`. */

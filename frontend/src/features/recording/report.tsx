@@ -8,7 +8,7 @@ import { Fault } from "../../ui/notice";
 import { GuideButton } from "../guide/dialog";
 import { Evidence } from "./evidence";
 import { Forecast, planesText } from "./forecast";
-import { fixOf, fixText } from "./fixes";
+import { fixOf, fixText, isOffered } from "./fixes";
 import css from "./recording.module.css";
 import { SpanStrip } from "./strip";
 
@@ -55,7 +55,13 @@ export function Report({ recording, report, planes, children }: ReportProps) {
         />
       )}
       {change.isError && <Fault error={change.error} />}
-      <Findings title="What to look at" findings={problems} pending={change.isPending} onFix={fix} />
+      <Findings
+        title="What to look at"
+        findings={problems}
+        read={recording.read_settings}
+        pending={change.isPending}
+        onFix={fix}
+      />
       {report.forecast !== null && report.forecast !== undefined && (
         <Forecast forecast={report.forecast} planes={planesText(report.planes, planes)} said={report.reasons} />
       )}
@@ -71,7 +77,13 @@ export function Report({ recording, report, planes, children }: ReportProps) {
         </section>
       )}
       {(report.final || report.timeline.t_s.length > 1) && <Evidence timeline={report.timeline} />}
-      <Findings title="What was recognised" findings={recognised} pending={change.isPending} onFix={fix} />
+      <Findings
+        title="What was recognised"
+        findings={recognised}
+        read={recording.read_settings}
+        pending={change.isPending}
+        onFix={fix}
+      />
     </div>
   );
 }
@@ -134,11 +146,12 @@ const order: Record<FindingReport["level"], number> = { error: 0, warning: 1, in
 interface FindingsProps {
   title: string;
   findings: readonly FindingReport[];
+  read: Recording["read_settings"];
   pending: boolean;
   onFix: (override: string) => void;
 }
 
-function Findings({ title, findings, pending, onFix }: FindingsProps) {
+function Findings({ title, findings, read, pending, onFix }: FindingsProps) {
   if (findings.length === 0) return null;
   const sorted = [...findings].sort((a, b) => order[a.level] - order[b.level]);
   return (
@@ -146,7 +159,13 @@ function Findings({ title, findings, pending, onFix }: FindingsProps) {
       <h2 className={css.heading}>{title}</h2>
       <ul className={css.cards}>
         {sorted.map((finding) => (
-          <FindingCard key={finding.code + finding.text} finding={finding} pending={pending} onFix={onFix} />
+          <FindingCard
+            key={finding.code + finding.text}
+            finding={finding}
+            read={read}
+            pending={pending}
+            onFix={onFix}
+          />
         ))}
       </ul>
     </section>
@@ -155,16 +174,16 @@ function Findings({ title, findings, pending, onFix }: FindingsProps) {
 
 function FindingCard({
   finding,
+  read,
   pending,
   onFix,
 }: {
   finding: FindingReport;
+  read: Recording["read_settings"];
   pending: boolean;
   onFix: (override: string) => void;
 }) {
   const { override } = finding;
-  // What is beyond doubt needs no button to change it; the option's name stays in the command line's help.
-  const doubtful = finding.level !== "info" || finding.confidence < 0.95;
   return (
     <li className={css.card} data-level={finding.level}>
       <LevelIcon level={finding.level === "info" ? "info" : finding.level} />
@@ -188,7 +207,7 @@ function FindingCard({
             ))}
           </dl>
         )}
-        {doubtful && fixOf(override) !== null && (
+        {isOffered(finding, read) && (
           <Button
             className={css.fix ?? ""}
             size="compact-xs"

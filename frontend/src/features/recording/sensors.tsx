@@ -107,6 +107,12 @@ function Facts({ facts, coming }: { facts: readonly Fact[]; coming: boolean }) {
   );
 }
 
+/** How many there are, and how often they come where that is known: one alone has no rate. */
+export function manyAt(many: number, rateHz: number): string {
+  const rate = rateText(rateHz);
+  return rate === "" ? count(many) : `${count(many)} at ${rate}`;
+}
+
 /** The rate of a topic, the same wherever it stands; nothing until it is known. */
 export function rateText(rateHz: number): string {
   return rateHz > 0 ? `${fixed(rateHz, rateHz < 95 ? 1 : 0)} Hz` : "";
@@ -120,7 +126,7 @@ function lidarFacts({ lidar, findings }: DoctorReport): Fact[] {
   const atOnce = findings.some((finding) => finding.code === "points.at_once");
   return [
     ["Sensor", lidar.preset.identified ? lidar.preset.name : `not recognised (as ${lidar.preset.name})`],
-    ["Scans", `${count(lidar.scans)} at ${rateText(lidar.stamps.rate_hz)}`],
+    ["Scans", manyAt(lidar.scans, lidar.stamps.rate_hz)],
     ["Points a scan", ranges === null ? "–" : count(ranges.points_per_scan)],
     [
       "Point time",
@@ -154,7 +160,7 @@ function imuFacts({ imu }: DoctorReport): Fact[] {
   const gyroDeg = (noise.noise.gyroscope_noise_density_rad_s_sqrt_hz * 180) / Math.PI;
   const accelUg = (noise.noise.accelerometer_noise_density_m_s2_sqrt_hz / 9.80665) * 1e6;
   return [
-    ["Readings", `${count(imu.readings)} at ${rateText(imu.stamps.rate_hz)}`],
+    ["Readings", manyAt(imu.readings, imu.stamps.rate_hz)],
     ["Units", `${imu.accelerometer_unit.replace("m_s2", "m/s²")}, ${imu.gyroscope_unit.replace("_", "/")}`],
     ["At rest", `${fixed(imu.gravity_at_rest_m_s2, 2)} m/s²`],
     ["Noise", noiseOrigin(imu)],

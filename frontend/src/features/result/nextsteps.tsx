@@ -1,8 +1,10 @@
 import { Button } from "@mantine/core";
+import { useQuery } from "@tanstack/react-query";
 import { Fragment, type ReactNode } from "react";
 import { Link, useNavigate } from "react-router";
 import type { CalibrationResult, ChangeRecording, Recording, Run } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
+import { factsQuery } from "../../api/queries";
 import { LeaveOut } from "./culprits";
 import { GuideButton } from "../guide/dialog";
 import { Icon } from "../../ui/icons";
@@ -24,7 +26,8 @@ export function otherUnit(
 ): Unit | null {
   const imu = recording.report?.imu;
   const doubted = (sensor: RegExp, doubt: RegExp) => reasons.some((text) => sensor.test(text) && doubt.test(text));
-  if (doubted(/gyroscope/i, /(?<!in )\bunits?\b|times as fast/i)) {
+  // A bias that wanders many times as fast as others do is no unit: what is compared with the lidar's turning is.
+  if (doubted(/gyroscope/i, /(?<!in )\bunits?\b|times as fast as the lidar/i)) {
     const now = recording.read_settings.gyroscope_unit ?? imu?.gyroscope_unit ?? "rad_s";
     return now === "rad_s"
       ? { label: "Read the gyroscope in °/s", change: { gyroscope_unit: "deg_s" } }
@@ -39,7 +42,7 @@ export function otherUnit(
   return null;
 }
 
-export type Step = "record" | "unit" | "reading" | "planes" | "settings";
+export type Step = "record" | "measure" | "unit" | "reading" | "planes" | "settings";
 
 /** What helps most, by what the run said; null where nothing stands out. */
 export function firstStep(
@@ -66,6 +69,19 @@ export function contradicted(texts: readonly string[], given: readonly Axis[]): 
   const axis =
     said === undefined ? null : said[1] === undefined ? "dt" : `${said[1] === "rotation" ? "r" : "t"}${said[2] ?? ""}`;
   return given.find((one) => one === axis) ?? given[0] ?? null;
+}
+
+const positions = ["tx", "ty", "tz"] as const;
+
+/** The position that a tape measure would help most: of a weak answer the one least known, where it is beyond the limit [m]. */
+export function toMeasure(
+  { status, uncertainty }: Pick<CalibrationResult, "status" | "uncertainty">,
+  limitM: number,
+): Axis | null {
+  if (status !== "weak" || uncertainty === null) return null;
+  const stds = uncertainty.translation_std_m;
+  const most = Math.max(...stds);
+  return most > limitM ? (positions[stds.indexOf(most)] ?? null) : null;
 }
 
 interface NextStepsProps {
@@ -97,10 +113,20 @@ export function NextSteps({ recording, run, result }: NextStepsProps) {
     run.job.settings.priors.map(({ axis }) => axis),
   );
   const solve = new URLSearchParams({ job: run.job.id, ...(first === "settings" && known !== null ? { known } : {}) });
+  const measure = toMeasure(result, useQuery(factsQuery).data?.limits.translation_m ?? Infinity);
   const look = (step: Step) =>
     ({ size: "compact-md", variant: step === first ? "filled" : "default", "data-first": step === first }) as const;
   const steps: Record<Step, ReactNode> = {
     record: <GuideButton label="Record again with this motion" asked={motions} variant={look("record").variant} />,
+    measure: measure !== null && (
+      <Button
+        component={Link}
+        to={`${base}/solve?${new URLSearchParams({ job: run.job.id, known: measure }).toString()}`}
+        {...look("measure")}
+      >
+        Give position {measure.slice(1)} by tape measure
+      </Button>
+    ),
     unit: unit !== null && (
       <Button
         {...look("unit")}
@@ -131,7 +157,7 @@ export function NextSteps({ recording, run, result }: NextStepsProps) {
       </Button>
     ),
   };
-  const order = (["unit", "planes", "record", "reading", "settings"] as const).toSorted(
+  const order = (["unit", "planes", "record", "measure", "reading", "settings"] as const).toSorted(
     (a, b) => Number(b === first) - Number(a === first),
   );
   return (

@@ -152,7 +152,7 @@ function Document({ recording, run, result }: { recording: Recording; run: Run; 
         )}
       />
       <Advice observability={result.observability} />
-      <OwnErrors result={result} />
+      <OwnErrors result={result} solve={`/r/${recording.id}/solve?job=${run.job.id}`} />
       <PartsSection result={result} crossings={outcome?.stretches ?? ""} />
       <Quality result={result} asked={run.job.planes?.length ?? 0} />
     </div>

@@ -1,3 +1,4 @@
+import { Link } from "react-router";
 import type { CalibrationResult } from "../../api/client";
 import { stdText, threeDigits } from "../../ui/format";
 import css from "./result.module.css";
@@ -51,8 +52,18 @@ export function isOfSensors({ code, level }: Pick<CalibrationResult["messages"][
   return code.startsWith("sensor.") && level !== "warning";
 }
 
-/** What the sensors' own errors are found to be, beyond doubt; the sentences first, the numbers for who asks. */
-export function OwnErrors({ result }: { result: CalibrationResult }) {
+/** Which of the sensors has to be named for surer numbers, as the control that does it is called; null where none has. */
+export function toName({ code, text }: Pick<CalibrationResult["messages"][number], "code" | "text">) {
+  const named = code === "sensor.priors" ? /naming the (IMU|lidar)/.exec(text)?.[1] : undefined;
+  if (named === undefined) return null;
+  return named === "IMU"
+    ? { label: "Name the IMU", control: "imuNoise" }
+    : { label: "Name the lidar", control: "lidar" };
+}
+
+/** What the sensors' own errors are found to be, beyond doubt; the sentences first, the numbers for who asks.
+ *  solve: address of the form for another run. */
+export function OwnErrors({ result, solve }: { result: CalibrationResult; solve: string }) {
   const sentences = result.messages.filter(isOfSensors);
   const found = (result.intrinsics ?? []).filter((one) => one.significant && one.state === "estimated");
   if (sentences.length === 0 && found.length === 0) return null;
@@ -65,9 +76,20 @@ export function OwnErrors({ result }: { result: CalibrationResult }) {
         </p>
       )}
       <ul className={css.bullets}>
-        {sentences.map((message) => (
-          <li key={message.text}>{message.text}</li>
-        ))}
+        {sentences.map((message) => {
+          const name = toName(message);
+          return (
+            <li key={message.text}>
+              {message.text}
+              {name !== null && (
+                <>
+                  {". "}
+                  <Link to={`${solve}&known=${name.control}`}>{name.label}</Link>
+                </>
+              )}
+            </li>
+          );
+        })}
       </ul>
       {found.length > 0 && (
         <details className={css.details}>

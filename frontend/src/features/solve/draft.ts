@@ -1,5 +1,5 @@
 import type { Job, Usual } from "../../api/client";
-import { unitOf } from "../../ui/axes";
+import { axes, unitOf } from "../../ui/axes";
 import { numberOf } from "../../ui/format";
 import { gravityAt, latitudeOf, priorOf, priorText, type Prior, type PriorText, type Settings } from "./priors";
 
@@ -57,6 +57,13 @@ export function draftOf(settings: Served, usual: Usual, told: Served): Draft {
     seed: settings.random_seed === 0 ? "" : String(settings.random_seed),
     rounds: settings.max_rounds === usual.max_rounds ? "" : String(settings.max_rounds),
   };
+}
+
+/** The draft with a row for the axis that somebody was sent here to give: empty where nothing was given for it before. */
+export function asking(draft: Draft, sought: string | null): Draft {
+  const axis = axes.find((one) => one === sought);
+  if (axis === undefined || draft.priors.some((prior) => prior.axis === axis)) return draft;
+  return { ...draft, priors: [...draft.priors, { axis, value: "", sigma: "" }] };
 }
 
 /** A limit as it is typed; `empty` is what nothing stands for. */

@@ -7,7 +7,7 @@ import { sparse } from "../../api/client";
 import { factsQuery } from "../../api/queries";
 import { Fault } from "../../ui/notice";
 import { Section } from "../../ui/panel";
-import { chosenBlocks, draftOf, givenDensities, priorField, problemsOf, settingsOf, type Draft } from "./draft";
+import { asking, chosenBlocks, draftOf, givenDensities, priorField, problemsOf, settingsOf, type Draft } from "./draft";
 import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
@@ -41,7 +41,8 @@ interface ControlsProps extends SolveOptionsProps {
 
 function Controls({ facts, title, action, formId, before, onSolve, pending, error }: ControlsProps) {
   const { usual, imu_presets: presets } = facts;
-  const [draft, setDraft] = useState<Draft>(() => draftOf(before, usual, facts.solve_settings));
+  const sought = useSearchParams()[0].get("known");
+  const [draft, setDraft] = useState<Draft>(() => asking(draftOf(before, usual, facts.solve_settings), sought));
   const [guess, setGuess] = useState<OldExtrinsic | null>(null);
   // What no control has another name for can be chosen as it was.
   const kept = draftOf(before, usual, facts.solve_settings);
@@ -66,6 +67,7 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
     <NativeSelect
       size="xs"
       label={label}
+      name={name}
       value={draft[name]}
       data={data}
       onChange={(event) => set({ [name]: event.currentTarget.value })}
@@ -77,10 +79,10 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
     else if (settings !== null)
       onSolve({ settings: sparse(settings), ...(guess === null ? {} : { initial_guess: guessOf(guess) }) });
   };
-  const sought = useSearchParams()[0].get("known");
   const place = draft.priors.findIndex(({ axis }) => axis === sought);
   useEffect(() => {
     if (place >= 0) go(priorField(place, "value"));
+    else if (sought !== null) go(sought);
     // Once, for who was sent here to put it right.
     // eslint-disable-next-line react-hooks/exhaustive-deps
   }, []);

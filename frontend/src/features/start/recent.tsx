@@ -9,6 +9,7 @@ import { useNow } from "../../ui/clock";
 import { ago, bytes } from "../../ui/format";
 import { Icon, LevelIcon } from "../../ui/icons";
 import { Fault, StateBox } from "../../ui/notice";
+import { isSecondOfDouble } from "../../ui/keys";
 import { Panel } from "../../ui/panel";
 import { RenameField } from "../../ui/renamefield";
 import { useRenaming } from "../../ui/renaming";
@@ -91,6 +92,7 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
   const remove = useDeleteRecording();
   const now = useNow(30_000);
   const change = useChangeRecording(recording.id);
+  const [menu, setMenu] = useState(false);
   const [sure, setSure] = useState(false);
   const { renaming, setRenaming, ask, menuGone } = useRenaming();
   const standing = standingOf(recording);
@@ -127,7 +129,14 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           </span>
         )}
       </Link>
-      <Menu position="bottom-end" returnFocus={false} onClose={() => setSure(false)} onExitTransitionEnd={menuGone}>
+      <Menu
+        position="bottom-end"
+        returnFocus={false}
+        opened={menu}
+        onChange={setMenu}
+        onClose={() => setSure(false)}
+        onExitTransitionEnd={menuGone}
+      >
         <Menu.Target>
           <ActionIcon
             variant="subtle"
@@ -147,9 +156,12 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           </Menu.Item>
           <Menu.Item
             leftSection={<Icon name="trash" />}
-            closeMenuOnClick={sure}
-            onClick={() => {
+            {...(sure ? { color: "red" } : {})}
+            closeMenuOnClick={false}
+            onClick={(event) => {
+              if (isSecondOfDouble(event)) return;
               if (sure) remove.mutate(recording.id);
+              setMenu(!sure);
               setSure(!sure);
             }}
           >

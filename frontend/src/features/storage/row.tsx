@@ -1,10 +1,11 @@
 import { ActionIcon, CopyButton, TextInput, Tooltip } from "@mantine/core";
-import { useState } from "react";
+import { useState, type MouseEvent } from "react";
 import { Link } from "react-router";
 import { useDeleteRecording } from "../../api/changes";
 import { useNow } from "../../ui/clock";
 import { ago, bytes } from "../../ui/format";
 import { Icon } from "../../ui/icons";
+import { isSecondOfDouble } from "../../ui/keys";
 import { Fault } from "../../ui/notice";
 import { useRefreshStorage, useShare, type RecordingUse } from "./queries";
 import css from "./storage.module.css";
@@ -16,7 +17,8 @@ export function RecordingUseRow({ use }: { use: RecordingUse }) {
   const refresh = useRefreshStorage();
   const share = useShare(use.recording_id);
   const [sure, setSure] = useState(false);
-  const drop = () => {
+  const drop = (event: MouseEvent) => {
+    if (isSecondOfDouble(event)) return;
     if (sure) remove.mutate(use.recording_id, { onSuccess: refresh });
     setSure(!sure);
   };

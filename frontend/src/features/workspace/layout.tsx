@@ -11,17 +11,23 @@ import { Shell } from "../../ui/shell";
 import type { StepName } from "../../ui/stepper";
 import type { Workspace } from "./context";
 import css from "./layout.module.css";
+import { NotFound } from "./notfound";
 import { useReturns } from "./returns";
 import { ScenePane } from "./scene";
 import { useSeen } from "./seen";
-import { chosenRun, hasArrived, stepsOf } from "./state";
+import { chosenRun, hasArrived, isRecordingId, stepsOf } from "./state";
 
 const stepNames: readonly StepName[] = ["recording", "planes", "solve", "inspect", "result"];
 const withScene: readonly StepName[] = ["planes", "solve", "inspect"];
 
-/** Everything of one recording: steps on top, the 3D scene kept alive across the screens that show it. */
+/** The recording that the address names. A link that was cut off names none, of which the server need not be asked. */
 export function WorkspaceLayout() {
   const { recordingId = "" } = useParams();
+  return isRecordingId(recordingId) ? <OneRecording recordingId={recordingId} /> : <NotFound />;
+}
+
+/** Everything of one recording: steps on top, the 3D scene kept alive across the screens that show it. */
+function OneRecording({ recordingId }: { recordingId: string }) {
   const { pathname } = useLocation();
   const [query] = useSearchParams();
   const [seen, look] = useSeen();

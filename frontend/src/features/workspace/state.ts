@@ -23,6 +23,11 @@ function busy(job: Job | null | undefined, kind: Job["kind"]): boolean {
   return job !== null && job !== undefined && job.kind === kind && !isFinal(job);
 }
 
+/** Whether a recording can be called so: the API's document has the same pattern. */
+export function isRecordingId(text: string): boolean {
+  return /^[0-9a-f]{32}$/.test(text);
+}
+
 /** Whether its bytes are here and can be looked at, whatever is still being found out about them. */
 export function hasArrived(recording: Recording | undefined): boolean {
   return recording?.state === "ready" || recording?.state === "inspecting";

@@ -49,6 +49,21 @@ def test_two_gaussians_that_do_not_agree(
     assert contradictions([PriorRow(4, given, std)], at, stds, added) == []
 
 
+@pytest.mark.parametrize(("alone_std", "is_told"), [(0.03, True), (9.14, False), (np.inf, False)])
+def test_a_recording_that_says_nothing_contradicts_nothing(alone_std: float, is_told: bool) -> None:
+    """A tape measure's number, and an answer that is 6 mm from it as it was held there: that is beyond 5 sigmas of what a
+    recording would move it by that knows 30 mm.
+
+    Seen: of a turntable, whose lever arm along its axis is open, 83.7 +- 5 mm, right to the tenth, "contradicts the recording,
+    which alone would have it 3.41e+05 mm away (68 standard deviations)". Mutations: asked all the same; only where nothing at
+    all is said.
+    """
+    given, std = 0.31, 0.005
+    at, stds = np.zeros(7), np.ones(7)
+    at[5], stds[5] = given - 0.006, (std**-2.0 + alone_std**-2.0) ** -0.5
+    assert bool(contradictions([PriorRow(5, given, std)], at, stds)) == is_told
+
+
 def test_a_prior_that_the_recording_contradicts_is_named(noisy: tuple[Recording, Truth]) -> None:
     """And one that it does not is not. Mutations: the covariance in another unit; `calibrated` all the same; standing priors
     judged, too.

@@ -46,6 +46,14 @@ def test_it_is_highest_at_the_true_offset_wherever_the_answer_is() -> None:
         assert np.nanmin(values) < 0.8
 
 
+def test_nothing_is_told_without_a_sign_of_its_own() -> None:
+    """Mutation: a shift of less than is written, either way, is told as it is rounded: "-0.0 ms"."""
+    found = [_profile(LAG_S + wrong_s) for wrong_s in np.linspace(-2e-4, 2e-4, 17)]
+    nothing = [each for each in found if -5e-5 < each.best_s < 0.0]
+    assert nothing
+    assert all("is at +0.0 ms" in each.text for each in nothing)
+
+
 def _meant(answer_s: float, tempo: float = 1.0, noise: float = 0.0) -> str:
     rate = _rate(START_S + 0.05, tempo) + noise * np.random.default_rng(4).normal(size=(len(START_S), 3))
     found = offset_profile(_track(rate), *_gyro(tempo), answer_s)
