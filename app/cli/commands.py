@@ -82,7 +82,7 @@ def calibrate(chosen: argparse.Namespace) -> None:
     planes = None if chosen.planes is None else api.read_planes(chosen.planes)
     guess = None if chosen.initial_guess is None else api.read_initial_guess(chosen.initial_guess)
     reading, manner = options.read_settings(chosen), _manner(chosen)
-    _check_places(chosen.output, chosen.report)
+    _check_places(chosen.recording, chosen.output, chosen.report)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
     with listener(manner) as on_event:
@@ -101,11 +101,13 @@ def calibrate(chosen: argparse.Namespace) -> None:
         raise Refused(refusal(done.result))
 
 
-def _check_places(output: Path | None, report: Path | None) -> None:
-    """Before the work: that result and report can be written, and not one over the other."""
+def _check_places(recording: Path, output: Path | None, report: Path | None) -> None:
+    """Before the work: that result and report can be written, and not one over the other or over what is read."""
     for path in (output, report):
         if path is not None:
             check_writable(path)
+            if path.resolve() == recording.resolve():
+                raise InputError(f"Expected a name for what is written, but {path} is the recording itself; change it.")
     if output is not None and report is not None and output.resolve() == report.resolve():
         raise InputError(f"Expected a name each for --output and --report, but found {output} for both; change one.")
 

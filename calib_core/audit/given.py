@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from calib_core.agreement import FARTHEST_S, forms_contradict, strange_transform, times_contradict
+from calib_core.agreement import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
 from calib_core.audit.pose import FORMS, GivenExtrinsic, inverse, transform_of, unfit
 from calib_core.errors import InputError
 from calib_core.geometry import ROTATION_TOLERANCE
@@ -96,7 +96,7 @@ def _offset_ns_of(document: dict[str, object]) -> int | None:
         raise unfit(f"its time offset is beyond {FARTHEST_S:.0e} s")
     wrong = times_contradict(seconds, offset_ns)
     if wrong is not None:
-        raise unfit(wrong)
+        raise unfit(f"{wrong}{LEAVE_ONE_OUT}")
     return round(seconds * 1e9) if offset_ns is None and seconds is not None else offset_ns
 
 
@@ -108,7 +108,7 @@ def _transform_of_document(transform: object) -> FloatArray:
     turns, places = _forms_of(transform)
     wrong = forms_contradict(turns, places)
     if wrong is not None:
-        raise unfit(wrong)
+        raise unfit(f"{wrong}{LEAVE_ONE_OUT}")
     if not turns or not places:
         raise unfit("its T_imu_lidar has neither a matrix nor a translation_m with a rotation")
     return transform_of(next(iter(turns.values())), next(iter(places.values())))
