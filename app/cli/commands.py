@@ -19,7 +19,6 @@ from app.cli.terminal import Manner, choose_manner, listener
 from app.process import forget_stdout
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
-from calib_core.audit.pose import GivenExtrinsic
 from calib_core.counts import counted
 from calib_core.errors import InputError
 from calib_core.result import CalibrationResult
@@ -155,13 +154,6 @@ def deskew(chosen: argparse.Namespace) -> None:
         )
 
 
-def _extrinsic_without_frames(chosen: argparse.Namespace) -> GivenExtrinsic | None:
-    """What is wrong with the file is said before the recording is read; a URDF needs its frames."""
-    if chosen.extrinsic.suffix.lower() in {".urdf", ".xml"}:
-        return None
-    return api.read_extrinsic(chosen.extrinsic, direction=chosen.matrix_direction)
-
-
 def audit(chosen: argparse.Namespace) -> None:
     """Hold an extrinsic against a recording; the report to stdout. Raises Failed, or Refused where nothing is decided."""
     from app.cli.audit_report import audit_block
@@ -169,11 +161,13 @@ def audit(chosen: argparse.Namespace) -> None:
 
     limits = None if chosen.limits is None else api.read_limits(chosen.limits)
     reading, manner = options.read_settings(chosen), _manner(chosen)
-    given = _extrinsic_without_frames(chosen)
+    # What is wrong with the file is said before the recording is read; a URDF needs its frames.
+    text, asks_for_frames = api.extrinsic_text(chosen.extrinsic)
+    given = None if asks_for_frames else api.parse_extrinsic(text, direction=chosen.matrix_direction)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
     if given is None:
-        given = api.read_extrinsic(chosen.extrinsic, frames=(recording.imu.frame_id, recording.lidar.frame_id))
+        given = api.parse_extrinsic(text, frames=(recording.imu.frame_id, recording.lidar.frame_id))
     with listener(manner) as on_event:
         report = api.audit(recording, given, limits=limits, on_event=on_event)
     if chosen.json:

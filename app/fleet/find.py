@@ -46,7 +46,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def _listed(source: Path) -> Iterator[Path]:
     try:
-        lines = source.read_text(encoding="utf-8").splitlines()
+        lines = source.read_text(encoding="utf-8-sig").splitlines()  # some editors begin a file with a mark
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"Expected a text file with a path a line, but {source} is none; correct it.") from error
     for line in lines:

@@ -38,15 +38,24 @@ def read_extrinsic(
     path: Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
 ) -> GivenExtrinsic:
     """The extrinsic in a file.   direction: of bare numbers.   frames: the IMU's and the lidar's, to find them in a URDF."""
+    return parse_extrinsic(extrinsic_text(path), direction=direction, frames=frames)
+
+
+def extrinsic_text(path: Path) -> str:
+    """What is in the file, read once: it may be a pipe. Raises InputError with one sentence where it cannot be."""
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors begin a file with a mark
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
         raise InputError(
             f"Expected {FORMS} in {path}, but it cannot be read ({reason}); check the name.",
             code="extrinsic.unreadable",
         ) from error
-    return parse_extrinsic(text, direction=direction, frames=frames)
+
+
+def asks_for_frames(text: str) -> bool:
+    """Whether it takes the recording's frames to find the extrinsic in a text: a URDF's many links, whatever its file's name."""
+    return text.removeprefix("\ufeff").lstrip().startswith("<")
 
 
 def parse_extrinsic(
@@ -57,7 +66,7 @@ def parse_extrinsic(
     document = _json_of(text)
     if isinstance(document, dict):
         return _from_document(document)
-    if text.lstrip().startswith("<"):
+    if asks_for_frames(text):
         from calib_core.audit.urdf import from_urdf
 
         return from_urdf(text, frames)
@@ -146,7 +155,10 @@ def _covariance_of(document: dict[str, object]) -> FloatArray | None:
     rows = uncertainty.get("covariance") if isinstance(uncertainty, dict) else None
     if not isinstance(rows, list) or len(_flat(rows)) != 49:
         return None
-    return np.array(_flat(rows), dtype=np.float64).reshape(7, 7)
+    covariance = np.array(_flat(rows), dtype=np.float64).reshape(7, 7)
+    if (np.diag(covariance) < 0.0).any():
+        raise unfit("its covariance has variances below 0")
+    return covariance
 
 
 def _flat(rows: list[object]) -> list[float]:

@@ -36,6 +36,8 @@ def unfit(reason: str) -> InputError:
 
 def transform_of(rotation: FloatArray, position_m: FloatArray) -> FloatArray:
     """(4, 4) of a matrix (3, 3) that is a rotation up to the digits it was written with, and a place (3,)."""
+    if not (np.isfinite(rotation).all() and np.isfinite(position_m).all()):
+        raise unfit("one of its numbers is too large for any program")
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = _rotation(rotation), position_m
     return matrix

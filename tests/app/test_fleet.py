@@ -70,13 +70,14 @@ def wait_for(condition):
 
 
 def test_a_folder_and_a_list_are_looked_through(tmp_path):
-    """Mutations: do not descend; take a ROS 2 folder's own files for recordings; count a path of the list twice."""
+    """Mutations: do not descend; take a ROS 2 folder's own files for recordings; count a path of the list twice; the mark with
+    which some editors begin a file taken for a part of the first path."""
     for name in ("b.bag", "deep/a.mcap", "run/metadata.yaml", "run/run_0.db3", "notes.txt", ".hidden.bag"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     assert find_recordings(tmp_path) == [tmp_path / "b.bag", tmp_path / "deep" / "a.mcap", tmp_path / "run"]
     listed = tmp_path / "deep" / "list.txt"
-    listed.write_text(f"# two of them\n../run\n\n{tmp_path / 'gone.bag'}\n../run\n")
+    listed.write_text(f"\ufeff../run\n# two of them\n\n{tmp_path / 'gone.bag'}\n../run\n")
     assert find_recordings(listed) == [tmp_path / "deep" / ".." / "run", tmp_path / "gone.bag"]
     for wrong, words in ((tmp_path / "b.bag", "one recording"), (tmp_path / "none", "found nothing")):
         with pytest.raises(InputError, match=words):
