@@ -84,6 +84,16 @@ def test_a_folder_and_a_list_are_looked_through(tmp_path):
             find_recordings(wrong)
 
 
+def test_a_list_may_come_through_a_pipe(tmp_path, monkeypatch):
+    """It was told to be one recording. Mutations: a pipe is no list; its paths are taken from /dev/fd."""
+    monkeypatch.chdir(tmp_path)
+    reads, writes = os.pipe()
+    os.write(writes, b"room.bag\n/else/where.bag\n")
+    os.close(writes)
+    assert find_recordings(Path(f"/dev/fd/{reads}")) == [tmp_path / "room.bag", Path("/else/where.bag")]
+    os.close(reads)
+
+
 def test_no_two_documents_have_one_name_and_names_stay():
     """Mutations: forget what is taken; compare letters by case; give a recording a new name in the second run."""
     paths = [Path(text) for text in ("/a/room.bag", "/b/room.mcap", "/b/ROOM.bag", "/c/b/room.db3", "/a/summary.bag")]
