@@ -7,17 +7,23 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from rosbags.interfaces import Connection
 from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-from rosbags.typesys.base import TypesysError
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
 from calib_core.readers.container.storage import TopicSummary
+
+if TYPE_CHECKING:
+    from rosbags.interfaces.typing import Typesdict
+
+#: How an mcap strings several types together, and how such a text begins where they are in DDS's own language.
+_RULE = "=" * 80 + "\n"
+_IDL = _RULE + "IDL: "
 
 
 class BagWriter(Protocol):
@@ -54,13 +60,22 @@ def _definition(topic: TopicSummary, *, ros_version: Literal[1, 2]) -> tuple[str
     standard = get_typestore(Stores.ROS1_NOETIC if ros_version == 1 else Stores.ROS2_HUMBLE)
     if topic.definition:
         own = get_typestore(Stores.EMPTY)
-        with suppress(TypesysError):
-            own.register(get_types_from_msg(topic.definition, topic.type))
+        # A text may lack a type that it uses, or be none at all; rosbags tells so by whatever it stumbles over.
+        with suppress(Exception):
+            own.register(_types(topic.definition, topic.type))
             return topic.definition, _digest(own, topic.type, ros_version)
-    elif topic.type in standard.fielddefs:
+    if topic.type in standard.fielddefs:
         text, _ = standard.generate_msgdef(topic.type, ros_version=ros_version)
-        return text, _digest(standard, topic.type, ros_version)
+        return topic.definition or text, _digest(standard, topic.type, ros_version)
     return topic.definition, "*" if ros_version == 1 else "RIHS01_" + "0" * 64
+
+
+def _types(definition: str, kind: str) -> Typesdict:
+    """The types that a text defines: in ROS's own language, or several in that of DDS."""
+    if not definition.startswith(_IDL):
+        return get_types_from_msg(definition, kind)
+    parts = [part.partition("\n")[2] for part in definition.split(_RULE)[1:]]
+    return {name: fields for part in parts for name, fields in get_types_from_idl(part).items()}
 
 
 def _digest(store: Typestore, kind: str, ros_version: Literal[1, 2]) -> str:

@@ -14,12 +14,14 @@ from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import Reader as Ros2Reader
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Ros2Writer
-from rosbags.typesys import Stores, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from calib_core.errors import SettingsError
 from calib_core.events import LogEvent
 from calib_core.readers.container.opening import kind_of, open_recording
+from calib_core.readers.container.storage import TopicSummary
 from calib_core.readers.load import load
+from calib_core.readers.write.bag_writer import _definition
 from calib_core.readers.write.output import check_output
 from calib_core.readers.write.rewrite import rewrite_clouds
 from calib_core.settings import ReadSettings
@@ -91,6 +93,35 @@ def test_types_have_the_hashes_that_readers_compare(tmp_path: Path) -> None:
     assert told["/imu/data"] == store.hash_rihs01(IMU)
     assert told["/ticks"].startswith("RIHS01_")
     assert told["/ticks"].strip("RIHS01_")
+
+
+TYPE = "a_msgs/msg/B"
+NONE = "RIHS01_" + "0" * 64
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "digest"),
+    [
+        (TYPE, "uint32 x\n", "of the same type in IDL"),
+        (
+            TYPE,
+            "=" * 80 + f"\nIDL: {TYPE}\nmodule a_msgs {{ module msg {{ struct B {{ uint32 x; }}; }}; }};\n",
+            "of the same",
+        ),
+        (TYPE, "a_msgs/Lacking one\n", NONE),
+        (TYPE, "no type at all ~\n", NONE),
+        (IMU, "std_msgs/Header header\n", get_typestore(Stores.ROS2_HUMBLE).hash_rihs01(IMU)),
+    ],
+)
+def test_a_text_of_any_kind_gets_a_hash_or_none(kind: str, text: str, digest: str) -> None:
+    """A recorder's text may lack types, or be in DDS's language. Oracle: rosbags' hash of the same type written by hand.
+
+    Mutations: what a text lacks ends the writing; IDL is read as ROS's own; a standard type's hash is not looked up.
+    """
+    same = get_typestore(Stores.EMPTY)
+    same.register(get_types_from_msg("uint32 x", TYPE))
+    told = _definition(TopicSummary("/t", kind, 1, "cdr", text), ros_version=2)
+    assert told == (text, digest if digest.startswith("RIHS01_") else same.hash_rihs01(TYPE))
 
 
 def test_a_hash_that_the_recording_has_is_kept(tmp_path: Path) -> None:
