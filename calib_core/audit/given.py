@@ -23,7 +23,7 @@ from typing import Literal
 import numpy as np
 
 from calib_core.agreement import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
-from calib_core.audit.pose import FORMS, GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.audit.pose import FORMS, GivenExtrinsic, Instant, inverse, transform_of, unfit
 from calib_core.errors import InputError
 from calib_core.geometry import ROTATION_TOLERANCE
 from calib_core.types import FloatArray
@@ -90,7 +90,8 @@ def _from_document(document: dict[str, object]) -> GivenExtrinsic:
     if wrong is not None:
         raise unfit(wrong)
     matrix = _transform_of_document(document.get("T_imu_lidar"))
-    return GivenExtrinsic(matrix, _offset_ns_of(document), "JSON of unsweep, T_imu_lidar", _covariance_of(document))
+    form = "JSON of unsweep, T_imu_lidar"
+    return GivenExtrinsic(matrix, _offset_ns_of(document), form, _covariance_of(document), _instant_of(document))
 
 
 def _offset_ns_of(document: dict[str, object]) -> int | None:
@@ -107,6 +108,15 @@ def _offset_ns_of(document: dict[str, object]) -> int | None:
     if wrong is not None:
         raise unfit(f"{wrong}{LEAVE_ONE_OUT}")
     return round(seconds * 1e9) if offset_ns is None and seconds is not None else offset_ns
+
+
+def _instant_of(document: dict[str, object]) -> Instant | None:
+    """When the time offset holds, of a result that tells it."""
+    provenance = document.get("provenance")
+    recording = provenance.get("recording") if isinstance(provenance, dict) else None
+    sha256 = recording.get("sha256") if isinstance(recording, dict) else None
+    at_s, rate_ppm = _number(document.get("time_offset_at_s")), _number(document.get("clock_rate_ppm"))
+    return None if not isinstance(sha256, str) or at_s is None or rate_ppm is None else Instant(sha256, at_s, rate_ppm)
 
 
 def _transform_of_document(transform: object) -> FloatArray:
