@@ -1,7 +1,7 @@
 """One thing said twice in a file that somebody hands over: a pose in two forms, a time in two units.
 
 Whoever edits one of two forms means that one; a fixed order of precedence would take the other in silence. Each check
-returns what is wrong as the middle of a sentence, with what to do, or None.
+returns what is wrong as the middle of a sentence, or None.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ SAME_RAD = 3e-6
 SAME_NS = 1000
 #: The largest time offset: stamps are 64-bit nanoseconds, and epochs no further apart than 285 years.
 FARTHEST_S = 9e9
+#: What to do about two forms of one thing, where neither has to be there.
+LEAVE_ONE_OUT = ", of which one has to be left out"
 
 #: Keys that mean a mounting, of which a guess knows one.
 _TRANSFORM = re.compile(
@@ -50,7 +52,7 @@ def forms_contradict(turns: Mapping[str, FloatArray], places: Mapping[str, Float
     for forms, apart, what in ((turns, turns_apart, "rotations"), (places, places_apart, "translations")):
         for one, other in combinations(forms, 2):
             if apart(forms[one], forms[other]):
-                return f"{one} and {other} of its T_imu_lidar are different {what}, of which one has to be left out"
+                return f"{one} and {other} of its T_imu_lidar are different {what}"
     return None
 
 
@@ -58,10 +60,7 @@ def times_contradict(offset_s: float | None, offset_ns: int | None) -> str | Non
     """What is wrong with a time offset in two units."""
     if offset_s is None or offset_ns is None or abs(round(offset_s * 1e9) - offset_ns) <= SAME_NS:
         return None
-    return (
-        f"its time_offset_s of {offset_s} s and its time_offset_ns of {offset_ns} ns are different times, of which one has "
-        "to be left out"
-    )
+    return f"its time_offset_s of {offset_s} s and its time_offset_ns of {offset_ns} ns are different times"
 
 
 def strange_transform(keys: Iterable[str]) -> str | None:

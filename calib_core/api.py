@@ -61,6 +61,7 @@ __all__ = [
     "discard_archives",
     "export",
     "export_names",
+    "extrinsic_text",
     "fingerprint",
     "foresight",
     "get_ready",
@@ -263,6 +264,14 @@ def read_extrinsic(
     from calib_core.audit import given
 
     return given.read_extrinsic(Path(path), direction=direction, frames=frames)
+
+
+def extrinsic_text(path: str | Path) -> tuple[str, bool]:
+    """What is in another program's file, and whether `parse_extrinsic` needs the recording's frames for it."""
+    from calib_core.audit import given
+
+    text = given.extrinsic_text(Path(path))
+    return text, given.asks_for_frames(text)
 
 
 def parse_extrinsic(

@@ -239,7 +239,7 @@ def _disagrees(heard: Heard) -> bool:
 
 
 def _between(span_s: tuple[float, float]) -> str:
-    return f"between {span_s[0]:.1f} s and {span_s[1]:.1f} s"
+    return f"between {span_s[0]:z.1f} s and {span_s[1]:z.1f} s"
 
 
 def _of_one_side(kept: Recording, recording: Recording, question: Question) -> Answer | None:

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from calib_core.agreement import FARTHEST_S, forms_contradict, strange_transform, times_contradict
+from calib_core.agreement import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
 from calib_core.result import CalibrationResult
@@ -70,12 +70,32 @@ class _GuessFile(BaseModel):
     time_offset_ns: int | None = Field(default=None, ge=-round(FARTHEST_S * 1e9), le=round(FARTHEST_S * 1e9))
 
 
-def read_result(path: Path) -> CalibrationResult:
-    """The result document in `path`."""
-    return _read(path, CalibrationResult, "a result of `unsweep calibrate` (schema unsweep.calibration/1)")
+def read_result(path: str | Path) -> CalibrationResult:
+    """The result document in `path`; refused where its forms of the answer differ, of which each use takes another."""
+    expected = "a result of `unsweep calibrate` (schema unsweep.calibration/1)"
+    result = _read(path, CalibrationResult, expected)
+    wrong = _differing_forms(result)
+    if wrong is not None:
+        raise SettingsError(
+            f"Expected {expected} in {path}, but {wrong}; give the file that the calibration wrote, unchanged."
+        )
+    return result
 
 
-def read_planes(path: Path) -> tuple[Plane, ...]:
+def _differing_forms(result: CalibrationResult) -> str | None:
+    """What the forms of a result's mounting and time differ in. A matrix that is no pose is told by whoever uses it."""
+    wrong = times_contradict(result.time_offset_s, result.time_offset_ns)
+    if wrong is not None or result.T_imu_lidar is None:
+        return wrong
+    try:
+        forms = _GuessTransform.model_validate(result.T_imu_lidar.model_dump())
+        turns, places = _turns(forms, "the result"), _places(forms, "the result")
+    except (SettingsError, ValidationError):
+        return None
+    return forms_contradict(turns, places)
+
+
+def read_planes(path: str | Path) -> tuple[Plane, ...]:
     """The planes in `path`, map frame, normals made unit length.
 
     An entry is {"name", "normal", "offset_m"}, and may have "outline_m": the corners [x, y, z] in metres, map frame, of a
@@ -86,16 +106,18 @@ def read_planes(path: Path) -> tuple[Plane, ...]:
     return tuple(_plane(entry, path) for entry in entries)
 
 
-def read_imu_noise(path: Path) -> ImuNoise:
+def read_imu_noise(path: str | Path) -> ImuNoise:
     """The noise densities in `path`."""
     return _read(path, ImuNoise, "noise densities (gyroscope_noise_density_rad_s_sqrt_hz and the others)")
 
 
-def read_initial_guess(path: Path) -> InitialGuess:
+def read_initial_guess(path: str | Path) -> InitialGuess:
     """The start values in `path`: any subset of a result's `T_imu_lidar` and `time_offset_s`."""
     expected = "an initial guess (any of T_imu_lidar and time_offset_s, as in a result)"
     guess = _read(path, _GuessFile, expected)
-    wrong = strange_transform(guess.model_extra or ()) or times_contradict(guess.time_offset_s, guess.time_offset_ns)
+    wrong = strange_transform(guess.model_extra or ())
+    if wrong is None and (apart := times_contradict(guess.time_offset_s, guess.time_offset_ns)) is not None:
+        wrong = f"{apart}{LEAVE_ONE_OUT}"
     if wrong is not None:
         raise SettingsError(f"Expected {expected} in {path}, but {wrong}; correct the file.")
     offset_ns = guess.time_offset_ns
@@ -125,9 +147,11 @@ def initial_guess(matrix: list[list[float]] | None, time_offset_s: float | None,
     )
 
 
-def _read(path: Path, model: type[_Model], expected: str) -> _Model:
+def _read(path: str | Path, model: type[_Model], expected: str) -> _Model:
     try:
-        text = path.read_text(encoding="utf-8-sig")  # some editors begin a file with a mark that is none of JSON's
+        text = Path(path).read_text(
+            encoding="utf-8-sig"
+        )  # some editors begin a file with a mark that is none of JSON's
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
         raise SettingsError(
@@ -143,7 +167,7 @@ def _read(path: Path, model: type[_Model], expected: str) -> _Model:
         ) from error
 
 
-def _plane(entry: _PlaneEntry, path: Path) -> Plane:
+def _plane(entry: _PlaneEntry, path: str | Path) -> Plane:
     normal = np.array(entry.normal, dtype=np.float64)
     length = float(np.linalg.norm(normal))
     if not np.isfinite(length) or abs(length - 1.0) > ROTATION_TOLERANCE:
@@ -154,7 +178,7 @@ def _plane(entry: _PlaneEntry, path: Path) -> Plane:
     return plane if entry.outline_m is None else replace(plane, outline_m=_outline(plane, entry.outline_m, path))
 
 
-def _outline(plane: Plane, corners_m: list[list[float]], path: Path) -> FloatArray:
+def _outline(plane: Plane, corners_m: list[list[float]], path: str | Path) -> FloatArray:
     """The corners (K, 3), refused where they are not those of a convex polygon in the plane."""
     corners = np.array(corners_m, dtype=np.float64)
     off_m = float(np.abs(corners @ plane.normal + plane.offset_m).max())
@@ -182,7 +206,7 @@ def _pose(transform: _GuessTransform, where: str) -> tuple[FloatArray | None, Fl
     turns, places = _turns(transform, where), _places(transform, where)
     wrong = forms_contradict(turns, places)
     if wrong is not None:
-        raise SettingsError(f"Expected one mounting in {where}, but {wrong}; correct it.")
+        raise SettingsError(f"Expected one mounting in {where}, but {wrong}{LEAVE_ONE_OUT}; correct it.")
     return next(iter(turns.values()), None), next(iter(places.values()), None)
 
 

@@ -19,7 +19,6 @@ from app.cli.terminal import Manner, choose_manner, listener
 from app.process import forget_stdout
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
-from calib_core.audit.pose import GivenExtrinsic
 from calib_core.counts import counted
 from calib_core.errors import InputError
 from calib_core.result import CalibrationResult
@@ -82,7 +81,7 @@ def calibrate(chosen: argparse.Namespace) -> None:
     planes = None if chosen.planes is None else api.read_planes(chosen.planes)
     guess = None if chosen.initial_guess is None else api.read_initial_guess(chosen.initial_guess)
     reading, manner = options.read_settings(chosen), _manner(chosen)
-    _check_places(chosen.output, chosen.report)
+    _check_places(chosen.recording, chosen.output, chosen.report)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
     with listener(manner) as on_event:
@@ -101,11 +100,13 @@ def calibrate(chosen: argparse.Namespace) -> None:
         raise Refused(refusal(done.result))
 
 
-def _check_places(output: Path | None, report: Path | None) -> None:
-    """Before the work: that result and report can be written, and not one over the other."""
+def _check_places(recording: Path, output: Path | None, report: Path | None) -> None:
+    """Before the work: that result and report can be written, and not one over the other or over what is read."""
     for path in (output, report):
         if path is not None:
             check_writable(path)
+            if path.resolve() == recording.resolve():
+                raise InputError(f"Expected a name for what is written, but {path} is the recording itself; change it.")
     if output is not None and report is not None and output.resolve() == report.resolve():
         raise InputError(f"Expected a name each for --output and --report, but found {output} for both; change one.")
 
@@ -153,13 +154,6 @@ def deskew(chosen: argparse.Namespace) -> None:
         )
 
 
-def _extrinsic_without_frames(chosen: argparse.Namespace) -> GivenExtrinsic | None:
-    """What is wrong with the file is said before the recording is read; a URDF needs its frames."""
-    if chosen.extrinsic.suffix.lower() in {".urdf", ".xml"}:
-        return None
-    return api.read_extrinsic(chosen.extrinsic, direction=chosen.matrix_direction)
-
-
 def audit(chosen: argparse.Namespace) -> None:
     """Hold an extrinsic against a recording; the report to stdout. Raises Failed, or Refused where nothing is decided."""
     from app.cli.audit_report import audit_block
@@ -167,11 +161,13 @@ def audit(chosen: argparse.Namespace) -> None:
 
     limits = None if chosen.limits is None else api.read_limits(chosen.limits)
     reading, manner = options.read_settings(chosen), _manner(chosen)
-    given = _extrinsic_without_frames(chosen)
+    # What is wrong with the file is said before the recording is read; a URDF needs its frames.
+    text, asks_for_frames = api.extrinsic_text(chosen.extrinsic)
+    given = None if asks_for_frames else api.parse_extrinsic(text, direction=chosen.matrix_direction)
     api.get_ready()
     recording = load_asking(chosen.recording, reading, manner)
     if given is None:
-        given = api.read_extrinsic(chosen.extrinsic, frames=(recording.imu.frame_id, recording.lidar.frame_id))
+        given = api.parse_extrinsic(text, frames=(recording.imu.frame_id, recording.lidar.frame_id))
     with listener(manner) as on_event:
         report = api.audit(recording, given, limits=limits, on_event=on_event)
     if chosen.json:

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from calib_core.api import read_imu_noise
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNITS, Block
-from calib_core.presets import LIDAR_PRESETS
+from calib_core.presets import LIDAR_PRESETS, find_imu_preset, unknown_imu
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
     PAPER_FIELD_OF_VIEW_DEG,
@@ -127,12 +127,17 @@ def parse_gravity(text: str) -> Gravity:
 
 
 def parse_imu_noise(text: str | None) -> ImuNoise | str | None:
-    """`--imu-noise`: a file with densities, else the name of a preset; None: measured."""
+    """`--imu-noise`: a file with densities, else the name of a preset; None: measured.
+
+    What looks like a file's path is one: words of a path that is mistyped (`rig/mti30.yaml`) may name a preset.
+    """
     if text is None:
         return None
     path = Path(text)
-    if path.suffix == ".json" or path.is_file():
+    if path.is_file() or len(path.parts) > 1 or path.suffix[1:].isalpha():
         return read_imu_noise(path)
+    if find_imu_preset(text) is None:
+        raise unknown_imu(text)
     return text
 
 

@@ -44,7 +44,8 @@ def add_solving(command: Parser) -> None:
     add(
         "--imu-noise",
         metavar="PRESET|FILE",
-        help="the IMU by name: what to expect of it; or a file of noise densities, instead of measured ones",
+        help="the IMU by name: what to expect of it; or a file of noise densities, instead of measured ones; an unknown name "
+        "lists them all",
     )
     add(
         "--intrinsics",

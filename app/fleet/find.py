@@ -15,12 +15,13 @@ _COMPRESSED = (".gz", ".zst", ".zstd")
 def find_recordings(source: Path) -> list[Path]:
     """Whole paths, each once, in order.   source: a folder, searched to its bottom, or a list with a path a line.
 
-    A list's paths are taken from the list's own folder; empty lines and those that start with # are left out.
+    A list's paths are taken from the list's own folder, those of one that comes through a pipe (a shell's <(...)) from the
+    present one; empty lines and those that start with # are left out.
     """
     if source.is_dir():
         found = [source] if is_recording_folder(source) else list(_below(source))
-    elif source.is_file() and not is_recording_file(source):
-        found = list(_listed(source))
+    elif source.exists() and not is_recording_file(source):
+        found = list(_listed(source, source.parent if source.is_file() else Path.cwd()))
     else:
         what = "one recording" if source.exists() else "nothing"
         raise InputError(
@@ -44,15 +45,15 @@ def _below(folder: Path) -> Iterator[Path]:
             yield from _below(child)
 
 
-def _listed(source: Path) -> Iterator[Path]:
+def _listed(source: Path, folder: Path) -> Iterator[Path]:
     try:
-        lines = source.read_text(encoding="utf-8").splitlines()
+        lines = source.read_text(encoding="utf-8-sig").splitlines()  # some editors begin a file with a mark
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"Expected a text file with a path a line, but {source} is none; correct it.") from error
     for line in lines:
         words = line.strip()
         if words and not words.startswith("#"):
-            yield source.parent / Path(words).expanduser()
+            yield folder / Path(words).expanduser()
 
 
 def document_names(recordings: Iterable[Path], kept: Mapping[Path, str]) -> dict[Path, str]:

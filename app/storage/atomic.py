@@ -12,9 +12,13 @@ from calib_core.errors import InputError
 
 def check_writable(path: Path) -> None:
     """Raise a sentence, before long work begins, where a file could not be written to `path`."""
-    folder = path.absolute().parent
     if path.is_dir():
         raise InputError(f"Expected a file name for the output, but {path} is a folder; add a name to it.")
+    if _is_stream(path):
+        if not os.access(path, os.W_OK):
+            raise InputError(f"Nothing may be written to {path}; choose another place for the output.")
+        return
+    folder = path.resolve().parent
     if not folder.is_dir():
         raise InputError(
             f"Expected a folder for the output at {folder}, but there is none; make it, or correct the name."
@@ -24,24 +28,41 @@ def check_writable(path: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write `text` to `path`. Whoever reads meanwhile sees the old file or the new one, never a part."""
+    """Write `text` to `path`. Whoever reads meanwhile sees the old file or the new one, never a part.
+
+    A link stays a link. A device or a pipe (/dev/null, a shell's >(...)) is written to: what reads from it is to have the text,
+    and a file put in its place would be the end of it.
+    """
     try:
-        descriptor, made = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.absolute().parent)
-        try:
-            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-                file.write(text)
-                file.flush()
-                os.fsync(file.fileno())
-            Path(made).chmod(0o666 & ~_umask())
-            Path(made).replace(path)
-        except BaseException:
-            with suppress(OSError):
-                Path(made).unlink()
-            raise
+        if _is_stream(path):
+            path.write_text(text, encoding="utf-8")
+        else:
+            _replace(path.resolve(), text)
     except OSError as error:
         raise InputError(
             f"{path} could not be written ({error.strerror}); free some space or choose another place."
         ) from error
+
+
+def _is_stream(path: Path) -> bool:
+    """Whether there is something at `path` that is no file and no folder: a device, a pipe, a socket."""
+    return path.exists() and not path.is_file() and not path.is_dir()
+
+
+def _replace(path: Path, text: str) -> None:
+    """Write a file anew, whole, beside its place and then into it."""
+    descriptor, made = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(made).chmod(0o666 & ~_umask())
+        Path(made).replace(path)
+    except BaseException:
+        with suppress(OSError):
+            Path(made).unlink()
+        raise
 
 
 def _umask() -> int:

@@ -22,8 +22,8 @@ from typing import Literal
 
 import numpy as np
 
-from calib_core.agreement import FARTHEST_S, forms_contradict, strange_transform, times_contradict
-from calib_core.audit.pose import FORMS, GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.agreement import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
+from calib_core.audit.pose import FORMS, GivenExtrinsic, Instant, inverse, transform_of, unfit
 from calib_core.errors import InputError
 from calib_core.geometry import ROTATION_TOLERANCE
 from calib_core.types import FloatArray
@@ -38,15 +38,24 @@ def read_extrinsic(
     path: Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
 ) -> GivenExtrinsic:
     """The extrinsic in a file.   direction: of bare numbers.   frames: the IMU's and the lidar's, to find them in a URDF."""
+    return parse_extrinsic(extrinsic_text(path), direction=direction, frames=frames)
+
+
+def extrinsic_text(path: Path) -> str:
+    """What is in the file, read once: it may be a pipe. Raises InputError with one sentence where it cannot be."""
     try:
-        text = path.read_text(encoding="utf-8")
+        return path.read_text(encoding="utf-8-sig")  # some editors begin a file with a mark
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
         raise InputError(
             f"Expected {FORMS} in {path}, but it cannot be read ({reason}); check the name.",
             code="extrinsic.unreadable",
         ) from error
-    return parse_extrinsic(text, direction=direction, frames=frames)
+
+
+def asks_for_frames(text: str) -> bool:
+    """Whether it takes the recording's frames to find the extrinsic in a text: a URDF's many links, whatever its file's name."""
+    return text.removeprefix("\ufeff").lstrip().startswith("<")
 
 
 def parse_extrinsic(
@@ -57,7 +66,7 @@ def parse_extrinsic(
     document = _json_of(text)
     if isinstance(document, dict):
         return _from_document(document)
-    if text.lstrip().startswith("<"):
+    if asks_for_frames(text):
         from calib_core.audit.urdf import from_urdf
 
         return from_urdf(text, frames)
@@ -81,7 +90,8 @@ def _from_document(document: dict[str, object]) -> GivenExtrinsic:
     if wrong is not None:
         raise unfit(wrong)
     matrix = _transform_of_document(document.get("T_imu_lidar"))
-    return GivenExtrinsic(matrix, _offset_ns_of(document), "JSON of unsweep, T_imu_lidar", _covariance_of(document))
+    form = "JSON of unsweep, T_imu_lidar"
+    return GivenExtrinsic(matrix, _offset_ns_of(document), form, _covariance_of(document), _instant_of(document))
 
 
 def _offset_ns_of(document: dict[str, object]) -> int | None:
@@ -96,8 +106,17 @@ def _offset_ns_of(document: dict[str, object]) -> int | None:
         raise unfit(f"its time offset is beyond {FARTHEST_S:.0e} s")
     wrong = times_contradict(seconds, offset_ns)
     if wrong is not None:
-        raise unfit(wrong)
+        raise unfit(f"{wrong}{LEAVE_ONE_OUT}")
     return round(seconds * 1e9) if offset_ns is None and seconds is not None else offset_ns
+
+
+def _instant_of(document: dict[str, object]) -> Instant | None:
+    """When the time offset holds, of a result that tells it."""
+    provenance = document.get("provenance")
+    recording = provenance.get("recording") if isinstance(provenance, dict) else None
+    sha256 = recording.get("sha256") if isinstance(recording, dict) else None
+    at_s, rate_ppm = _number(document.get("time_offset_at_s")), _number(document.get("clock_rate_ppm"))
+    return None if not isinstance(sha256, str) or at_s is None or rate_ppm is None else Instant(sha256, at_s, rate_ppm)
 
 
 def _transform_of_document(transform: object) -> FloatArray:
@@ -108,7 +127,7 @@ def _transform_of_document(transform: object) -> FloatArray:
     turns, places = _forms_of(transform)
     wrong = forms_contradict(turns, places)
     if wrong is not None:
-        raise unfit(wrong)
+        raise unfit(f"{wrong}{LEAVE_ONE_OUT}")
     if not turns or not places:
         raise unfit("its T_imu_lidar has neither a matrix nor a translation_m with a rotation")
     return transform_of(next(iter(turns.values())), next(iter(places.values())))
@@ -146,7 +165,10 @@ def _covariance_of(document: dict[str, object]) -> FloatArray | None:
     rows = uncertainty.get("covariance") if isinstance(uncertainty, dict) else None
     if not isinstance(rows, list) or len(_flat(rows)) != 49:
         return None
-    return np.array(_flat(rows), dtype=np.float64).reshape(7, 7)
+    covariance = np.array(_flat(rows), dtype=np.float64).reshape(7, 7)
+    if (np.diag(covariance) < 0.0).any():
+        raise unfit("its covariance has variances below 0")
+    return covariance
 
 
 def _flat(rows: list[object]) -> list[float]:

@@ -35,6 +35,7 @@ def audit(
 ) -> AuditReport:
     """The given extrinsic held against what this recording says by itself."""
     found = calibrate(recording, settings, on_event=on_event, should_cancel=should_cancel)
+    given = compare.carried(given, found.result)
     crispness, refusal = None, None
     if found.trajectory is not None and settings.crispness:
         crispness, refusal = _with_given_held(recording, given, found, settings, on_event, should_cancel)

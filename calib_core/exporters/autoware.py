@@ -6,10 +6,15 @@ T_lidar_imu; with the lidar elsewhere, T_kit_imu = T_kit_lidar T_lidar_imu.
 
 from __future__ import annotations
 
+import re
+
 from calib_core.exporters.extrinsic import Extrinsic, decimal
 from calib_core.geometry import roll_pitch_yaw_rad
 
 _KEYS = ("x", "y", "z", "roll", "pitch", "yaw")
+_PLAIN = re.compile(r"[A-Za-z_][\w./-]*")
+#: What readers of YAML take for something else than text.
+_WORDS = frozenset({"true", "false", "yes", "no", "on", "off", "y", "n", "null"})
 
 
 def autoware(extrinsic: Extrinsic) -> str:
@@ -30,4 +35,9 @@ def autoware(extrinsic: Extrinsic) -> str:
 
 def _entry(frame: str, pose: tuple[float, ...]) -> str:
     lines = "".join(f"    {key}: {decimal(value)}\n" for key, value in zip(_KEYS, pose, strict=True))
-    return f"  {frame}:\n{lines}"
+    return f"  {_key(frame)}:\n{lines}"
+
+
+def _key(frame: str) -> str:
+    """A frame's name as a key that YAML reads as text: `1` and `on` would be a number and a truth."""
+    return frame if _PLAIN.fullmatch(frame) and frame.lower() not in _WORDS else f'"{frame}"'

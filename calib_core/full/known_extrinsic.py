@@ -62,6 +62,8 @@ def held_motion(
 
     correct_lasers: what the calibration found of the lasers is taken out of the points, too.
     """
+    for text in other_frames(recording, result):
+        on_event(LogEvent(level="warning", code="deskew.other_frame", text=text))
     correct = laser_corrector(result) if correct_lasers else _as_published
     guess, priors = held_calibration(result, recording)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
@@ -71,6 +73,25 @@ def held_motion(
         text = "The planes of this recording do not give its motion: only the gyroscope's turning is taken out."
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
     return HeldMotion(solved, turning, correct)
+
+
+def other_frames(recording: Recording, result: CalibrationResult) -> list[str]:
+    """A sentence for each sensor whose frame in the recording is not the one that the result was found in, where both are named.
+
+    A lidar's driver publishes in one of two frames that are half a turn apart (Ouster's os_lidar and os_sensor), and a rig may
+    have two lidars: an extrinsic of the other takes out a motion that never was.
+    """
+    found = result.provenance.recording
+    pairs = (
+        ("lidar", recording.lidar.frame_id, found.lidar_frame_id),
+        ("IMU", recording.imu.frame_id, found.imu_frame_id),
+    )
+    return [
+        f"The {sensor} of {recording.name} is in the frame {here}, but the calibration by {found.name} is of the frame {there}: "
+        "its extrinsic holds where both are one sensor's same axes; check the drivers, or calibrate this one."
+        for sensor, here, there in pairs
+        if here and there and here.lstrip("/") != there.lstrip("/")
+    ]
 
 
 def laser_corrector(result: CalibrationResult) -> Callable[[Scan], Scan]:

@@ -40,7 +40,11 @@ def calibrate_published(recording: Recording, question: Question) -> Answer:
         should_cancel=question.should_cancel,
     )
     if not solution.converged:
-        raise Refused("solve.diverged", "the published method did not converge")
+        raise Refused(
+            "solve.diverged",
+            f"the published method did not converge on {recording.name}; record a stand of a few seconds and then slow turns "
+            "about all three axes, or use `--method full`, which tells what is wrong",
+        )
     return _answer(solution)
 
 

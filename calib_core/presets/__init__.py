@@ -7,7 +7,14 @@ and nobody held it against the sheet itself.
 
 from __future__ import annotations
 
-from calib_core.presets.find import find_imu_preset, find_imu_prior, find_lidar_preset, find_lidar_prior, random_walks
+from calib_core.presets.find import (
+    find_imu_preset,
+    find_imu_prior,
+    find_lidar_preset,
+    find_lidar_prior,
+    random_walks,
+    unknown_imu,
+)
 from calib_core.presets.imu import GENERIC_IMU, IMU_PRESETS
 from calib_core.presets.lidar import GENERIC_LIDAR, LIDAR_PRESETS
 from calib_core.presets.records import ImuPreset, LidarPreset
@@ -26,4 +33,5 @@ __all__ = [
     "find_lidar_preset",
     "find_lidar_prior",
     "random_walks",
+    "unknown_imu",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from typing import TypeVar
 
+from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR, ImuPrior, LidarPrior
 from calib_core.presets.imu import IMU_PRESETS
 from calib_core.presets.lidar import LIDAR_PRESETS
@@ -18,6 +19,12 @@ _Preset = TypeVar("_Preset", "ImuPreset", "LidarPreset")
 def find_imu_preset(*texts: str) -> ImuPreset | None:
     """The preset that one of the texts (a preset's name, topic, frame id) names, or None. Earlier texts win."""
     return _find(IMU_PRESETS, texts)
+
+
+def unknown_imu(text: str) -> SettingsError:
+    """What is said of a name that no IMU's preset has."""
+    names = ", ".join(preset.name for preset in IMU_PRESETS)
+    return SettingsError(f"Expected the name of an IMU, one of {names}, but found `{text}`; give the nearest of these.")
 
 
 def find_lidar_preset(*texts: str) -> LidarPreset | None:

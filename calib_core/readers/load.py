@@ -73,6 +73,11 @@ def load(
     return result
 
 
+def _first_cloud_ns(recording: OpenRecording, topic: str) -> int:
+    """When the recorder got the first of the lidar's messages that there are, read or not."""
+    return next(recording.messages((topic,))).receive_ns
+
+
 def _load_open(
     recording: OpenRecording, settings: ReadSettings, on_event: OnEvent, should_cancel: ShouldCancel
 ) -> Recording:
@@ -104,13 +109,13 @@ def _load_open(
         info = replace(info, period_s=parts * cloud_s)
     reading = Reading(recording, settings, decoder, timing, on_event, should_cancel, gathering, scans=scans)
     reading.run(lidar_topic, imu_topic, span)
-    first_read_ns = reading.receive_ns[0]
+    first_ns = reading.receive_ns[0] if span[0] is None else _first_cloud_ns(recording, lidar_topic.name)
     raw_imu, set_findings = on_one_clock(
         reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s, settings
     )
     cleaned = clean_imu(raw_imu, settings, imu_topic.name)
     scans.finish()
-    skipped_s = (settings.start_s or 0.0) + (reading.receive_ns[0] - first_read_ns) * 1e-9
+    skipped_s = max(0, reading.receive_ns[0] - first_ns) * 1e-9
     offset_ns = 0
     clock_findings: tuple[Finding, ...] = ()
     if settings.stamps == "header":

@@ -237,6 +237,52 @@ def test_unwritable_output_is_told_before_the_work(
         assert "all" in last_line(capsys)
 
 
+@pytest.mark.parametrize("option", ["--output", "--report"])
+def test_nothing_is_written_over_the_recording(
+    library: Library, option: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A slip of the shell's completion cost the recording. Mutation: names compared instead of files."""
+    monkeypatch.chdir(tmp_path)
+    Path("room.bag").write_bytes(b"minutes of work")
+    Path("link.bag").symlink_to("room.bag")
+    for name in ("room.bag", "./room.bag", "link.bag"):
+        assert cli.run(["calibrate", "room.bag", option, name]) == 2
+        assert "the recording itself" in last_line(capsys)
+    assert library.asked.reading is None
+    assert Path("room.bag").read_bytes() == b"minutes of work"
+
+
+def test_a_pipe_gets_the_result_and_stays_a_pipe(library: Library, tmp_path: Path) -> None:
+    """As of a shell's >(...), or of /dev/null: a file was put in its place, which ends a device of the machine's where root
+    runs it; behind >(...) the result of minutes was lost.
+
+    Mutation: `_is_stream` says no.
+    """
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    end = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    assert cli.run(["calibrate", "room.bag", "--quiet", "--output", str(pipe)]) == 0
+    assert pipe.is_fifo()
+    assert CalibrationResult.model_validate_json(os.read(end, 1 << 20)) == library.result
+    os.close(end)
+    reads, writes = os.pipe()
+    assert cli.run(["calibrate", "room.bag", "--quiet", "--output", f"/dev/fd/{writes}"]) == 0
+    assert CalibrationResult.model_validate_json(os.read(reads, 1 << 20)) == library.result
+    for descriptor in (reads, writes):
+        os.close(descriptor)
+
+
+def test_a_link_stays_a_link(library: Library, tmp_path: Path) -> None:
+    """`latest.json` led to the run's own file, and was a file of its own afterwards. Mutation: the link's place is written to."""
+    (tmp_path / "runs").mkdir()
+    (tmp_path / "latest.json").symlink_to("runs/today.json")
+    for _ in range(2):
+        assert cli.run(["calibrate", "room.bag", "--quiet", "--output", str(tmp_path / "latest.json")]) == 0
+    assert (tmp_path / "latest.json").is_symlink()
+    assert CalibrationResult.model_validate_json((tmp_path / "runs" / "today.json").read_text()) == library.result
+    assert [path.name for path in (tmp_path / "runs").iterdir()] == ["today.json"]
+
+
 def test_options_reach_the_library(library: Library, tmp_path: Path) -> None:
     """Fails if an option is parsed and dropped."""
     planes, guess = tmp_path / "planes.json", tmp_path / "guess.json"

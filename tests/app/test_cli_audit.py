@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from calib_core.types import ImuData, LidarInfo, Recording
 from tests.core.exporters.results import make_result
 
 R, P = np.eye(3), np.array([0.1, 0.2, 0.3])
+URDF_JOINT = '<joint type="fixed"><parent link="imu_link"/><child link="velodyne"/><origin xyz="0.1 0.2 0.3"/></joint>'
 
 
 @pytest.fixture
@@ -88,6 +90,29 @@ def test_a_urdf_is_read_with_the_recordings_frames(audits: list[GivenExtrinsic],
     joints = joint.format("velodyne", "0.1 0.2 0.3") + joint.format("velodyne_rear", "9 9 9")
     path.write_text(f'<robot name="r">{joints}</robot>')
     assert run(["audit", "room.bag", "--extrinsic", str(path), "--quiet"]) == 0
+    np.testing.assert_allclose(audits[-1].T_imu_lidar[:3, 3], P)
+
+
+@pytest.mark.parametrize("name", ["rig.urdf", "rig.txt", "rig", "rig.xacro.out"])
+def test_a_urdf_is_one_whatever_its_name(audits: list[GivenExtrinsic], tmp_path: Path, name: str) -> None:
+    """Of another name it was read without the recording's frames: another link whose name had the words was taken, in silence.
+
+    Mutation: frames by the file's suffix.
+    """
+    joint = '<joint name="{0}" type="fixed"><parent link="base"/><child link="{0}"/><origin xyz="{1}"/></joint>'
+    joints = joint.format("imu_link", "0 0 0") + joint.format("velodyne", "0.1 0.2 0.3") + joint.format("scan", "9 9 9")
+    (tmp_path / name).write_text(f'\ufeff<?xml version="1.0"?>\n<robot name="r">{joints}</robot>')
+    assert run(["audit", "room.bag", "--extrinsic", str(tmp_path / name), "--quiet"]) == 0
+    np.testing.assert_allclose(audits[-1].T_imu_lidar[:3, 3], P)
+
+
+def test_an_extrinsic_may_come_through_a_pipe(audits: list[GivenExtrinsic], tmp_path: Path) -> None:
+    """As of a shell's <(...), which gives its bytes once. Mutation: the file is read a second time with the frames."""
+    reads, writes = os.pipe()
+    os.write(writes, f"<robot>{URDF_JOINT}</robot>".encode())
+    os.close(writes)
+    assert run(["audit", "room.bag", "--extrinsic", f"/dev/fd/{reads}", "--quiet"]) == 0
+    os.close(reads)
     np.testing.assert_allclose(audits[-1].T_imu_lidar[:3, 3], P)
 
 

@@ -111,7 +111,7 @@ def test_mounting_takes_seven_numbers() -> None:
 
 
 def test_imu_noise_is_a_file_or_a_preset(tmp_path: Path) -> None:
-    """Fails if a missing file is taken for a preset's name."""
+    """Fails if a missing file is taken for a preset's name, as words in its path may be. Mutation: `.json` alone tells a file."""
     path = tmp_path / "noise.json"
     path.write_text('{"gyroscope_noise_density_rad_s_sqrt_hz": 1e-4, "accelerometer_noise_density_m_s2_sqrt_hz": 1e-3}')
     noise = options.parse_imu_noise(str(path))
@@ -119,8 +119,15 @@ def test_imu_noise_is_a_file_or_a_preset(tmp_path: Path) -> None:
     assert noise.gyroscope_noise_density_rad_s_sqrt_hz == 1e-4
     assert options.parse_imu_noise("mti-3") == "mti-3"
     assert options.parse_imu_noise(None) is None
-    with pytest.raises(SettingsError, match=r"absent\.json"):
-        options.parse_imu_noise(str(tmp_path / "absent.json"))
+    for absent in (str(tmp_path / "absent.json"), "rig/mti30", "mti30.yaml"):
+        with pytest.raises(SettingsError, match=rf"{re.escape(absent)}, but it cannot be read"):
+            options.parse_imu_noise(absent)
+
+
+def test_an_imu_that_nobody_knows_is_told_at_once_with_all_names() -> None:
+    """It was told after the planes were found, with a reference to a help that has no names. Mutation: any name is taken."""
+    with pytest.raises(SettingsError, match=r"one of livox-mid360, .*xsens-mti-300.*, but found `mpi-30`"):
+        options.parse_imu_noise("mpi-30")
 
 
 def test_intrinsics_are_a_word_or_blocks() -> None:

@@ -70,17 +70,28 @@ def wait_for(condition):
 
 
 def test_a_folder_and_a_list_are_looked_through(tmp_path):
-    """Mutations: do not descend; take a ROS 2 folder's own files for recordings; count a path of the list twice."""
+    """Mutations: do not descend; take a ROS 2 folder's own files for recordings; count a path of the list twice; the mark with
+    which some editors begin a file taken for a part of the first path."""
     for name in ("b.bag", "deep/a.mcap", "run/metadata.yaml", "run/run_0.db3", "notes.txt", ".hidden.bag"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     assert find_recordings(tmp_path) == [tmp_path / "b.bag", tmp_path / "deep" / "a.mcap", tmp_path / "run"]
     listed = tmp_path / "deep" / "list.txt"
-    listed.write_text(f"# two of them\n../run\n\n{tmp_path / 'gone.bag'}\n../run\n")
+    listed.write_text(f"\ufeff../run\n# two of them\n\n{tmp_path / 'gone.bag'}\n../run\n")
     assert find_recordings(listed) == [tmp_path / "deep" / ".." / "run", tmp_path / "gone.bag"]
     for wrong, words in ((tmp_path / "b.bag", "one recording"), (tmp_path / "none", "found nothing")):
         with pytest.raises(InputError, match=words):
             find_recordings(wrong)
+
+
+def test_a_list_may_come_through_a_pipe(tmp_path, monkeypatch):
+    """It was told to be one recording. Mutations: a pipe is no list; its paths are taken from /dev/fd."""
+    monkeypatch.chdir(tmp_path)
+    reads, writes = os.pipe()
+    os.write(writes, b"room.bag\n/else/where.bag\n")
+    os.close(writes)
+    assert find_recordings(Path(f"/dev/fd/{reads}")) == [tmp_path / "room.bag", Path("/else/where.bag")]
+    os.close(reads)
 
 
 def test_no_two_documents_have_one_name_and_names_stay():

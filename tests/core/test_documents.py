@@ -222,3 +222,33 @@ def test_noise_and_result_files(tmp_path: Path) -> None:
     (tmp_path / "bytes.json").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(SettingsError, match=r"bytes\.json"):
         read_result(tmp_path / "bytes.json")
+
+
+@pytest.mark.parametrize(
+    ("place", "edited", "said"),
+    [
+        ("translation_m", [1.0, 1.0, 1.00001], "matrix and translation_m"),
+        ("quaternion_xyzw", [0.0, 0.0, 0.0, 1.0], "matrix and quaternion_xyzw"),
+        ("euler_xyz_deg", [1.0, 2.0, 3.0], "matrix and euler_xyz_deg"),
+        ("matrix", np.eye(4).tolist(), "matrix and quaternion_xyzw"),
+        ("time_offset_s", 0.05, "time_offset_s of 0.05 s"),
+        ("time_offset_ns", 50_000_000, "time_offset_ns of 50000000 ns"),
+    ],
+)
+def test_a_result_that_was_edited_in_one_form_is_refused(tmp_path: Path, place: str, edited: object, said: str) -> None:
+    """`export` and `deskew` took the matrix and the nanoseconds, whatever the other forms said, in silence.
+
+    Mutations: `_differing_forms` returns None; the times are not compared.
+    """
+    document = json.loads(make_result(ROTATION.as_matrix(), np.ones(3), 4_016_957).to_json())
+    (document if place in document else document["T_imu_lidar"])[place] = edited
+    with pytest.raises(SettingsError, match=rf"file\.json.*{said}.*unchanged\.$"):
+        read_result(str(written(tmp_path, document)))
+
+
+def test_a_result_written_with_fewer_digits_is_one_result(tmp_path: Path) -> None:
+    """Six decimals in each form. Mutation: forms compared to the last digit."""
+    document = json.loads(make_result(ROTATION.as_matrix(), np.array([0.1234567, -1.0, 2.0000004])).to_json())
+    transform = document["T_imu_lidar"]
+    document["T_imu_lidar"] = {key: np.round(transform[key], 6).tolist() for key in transform}
+    assert read_result(written(tmp_path, document)).T_imu_lidar is not None

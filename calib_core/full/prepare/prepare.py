@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.errors import Refused, SettingsError
+from calib_core.errors import Refused
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.full.prepare.clocks import clocks_of, look
 from calib_core.full.prepare.coarse_stamps import exact_stamps, imu_step, point_step, scan_step
@@ -22,7 +22,7 @@ from calib_core.imu.clipping import clipped, clipped_text
 from calib_core.imu.coarse import coarse_text
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.imu.unclipped import unclipped
-from calib_core.presets import find_imu_preset
+from calib_core.presets import find_imu_preset, unknown_imu
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import IntArray, Recording
 
@@ -131,9 +131,7 @@ def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks
     """
     imu, given = recording.imu, settings.imu_noise
     if isinstance(given, str) and find_imu_preset(given) is None:
-        raise SettingsError(
-            f"expected an IMU noise preset's name, found '{given}'; see `unsweep calibrate --help` for the names"
-        )
+        raise unknown_imu(given)
     level, _ = noise_of(clocks.imu_s, imu)
     measured = np.array([level.density.gyro_rad_s_sqrt_hz[0], level.density.accel_m_s2_sqrt_hz[0]])
     if isinstance(given, ImuNoise):

@@ -26,7 +26,7 @@ from calib_core.readers.container.one_recording import (
     require_one_recording,
     storage_suffix,
 )
-from calib_core.readers.container.recover_mcap import McapRecovery
+from calib_core.readers.container.recover_mcap import McapRecovery, holds_ros1
 from calib_core.readers.container.recover_ros1 import Ros1Recovery
 from calib_core.readers.container.recover_sqlite import SqliteRecovery
 from calib_core.readers.container.storage import (
@@ -65,7 +65,7 @@ class OpenRecording:
 
     @property
     def kind(self) -> RecordingKind:
-        """Which family of containers the recording is stored in."""
+        """Whose messages it holds."""
         return _kind(self.files)
 
     @property
@@ -144,13 +144,13 @@ def open_recording(path: Path) -> OpenRecording:
 
 
 def kind_of(path: Path) -> RecordingKind:
-    """Which family of containers the recording at `path` is stored in, by its files' names: nothing of them is read."""
+    """Whose messages the recording at `path` holds, by its files' names and an mcap's first words: no more of them is read."""
     with _told_as_unreadable(path), unpacked(path) if is_archive(path) else nullcontext(path) as folder:
         return _kind(storage_files(folder))
 
 
 def _kind(files: list[Path]) -> RecordingKind:
-    return "ros1" if files and storage_suffix(files[0]) == ".bag" else "ros2"
+    return "ros1" if files and (storage_suffix(files[0]) == ".bag" or holds_ros1(files[0])) else "ros2"
 
 
 @contextmanager

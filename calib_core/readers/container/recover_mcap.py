@@ -22,6 +22,7 @@ from calib_core.readers.container.storage import (
     RawMessage,
     StorageError,
     TopicSummary,
+    foreign_to_ros,
     merged_topics,
     normalised_type,
     unpacked,
@@ -31,6 +32,8 @@ MAGIC = b"\x89MCAP0\r\n"
 MAX_CHUNK_BYTES = LIMITS.chunk_bytes
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x03, 0x04, 0x05, 0x06, 0x0F
 _KNOWN = range(0x01, 0x10)
+#: Of a file's first record that names its profile: more than any profile's name takes.
+_HEAD_BYTES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,6 +90,19 @@ def _records(content: bytes) -> Iterator[tuple[int, bytes]]:
             return
         yield op, content[pos + 9 : pos + 9 + size]
         pos += 9 + size
+
+
+def holds_ros1(path: Path) -> bool:
+    """Whether a file says in its first record that it is an mcap with messages of ROS 1, as a converted bag is."""
+    with path.open("rb") as file:
+        head = file.read(len(MAGIC) + _HEAD_BYTES)
+    if not head.startswith(MAGIC):
+        return False
+    try:
+        profile, _ = _string(head, len(MAGIC) + 9)
+    except (struct.error, ValueError):
+        return False
+    return profile == "ros1"
 
 
 class McapRecovery:
@@ -162,7 +178,14 @@ class McapRecovery:
             topic, pos = _string(content, 4)
             encoding, _ = _string(content, pos)
             kind, definition = self._schemas.get(schema, ("", ""))
-            summary = TopicSummary(topic, normalised_type(kind), 0, "ros1" if encoding == "ros1" else "cdr", definition)
+            summary = TopicSummary(
+                topic,
+                normalised_type(kind),
+                0,
+                "ros1" if encoding == "ros1" else "cdr",
+                definition,
+                foreign=foreign_to_ros(encoding),
+            )
             self._channels.setdefault(channel, summary)
         elif op == _MESSAGE:
             channel, _, log_ns = struct.unpack_from("<HIQ", content)

@@ -221,7 +221,7 @@ class Ros1Recovery:
         kind = normalised_type(inner[b"type"].decode("utf-8", "replace"))
         definition = inner.get(b"message_definition", b"").decode("utf-8", "replace")
         digest = inner.get(b"md5sum", b"").decode("ascii", "replace")
-        summary = TopicSummary(name, kind, 0, "ros1", definition, digest)
+        summary = TopicSummary(name, kind, 0, "ros1", definition, digest, latching=inner.get(b"latching", b"0") == b"1")
         self._names.setdefault(struct.unpack("<I", fields[b"conn"])[0], summary)
 
     def messages(self, topics: Collection[str], start_ns: int | None, stop_ns: int | None) -> Iterator[RawMessage]:

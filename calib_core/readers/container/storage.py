@@ -17,7 +17,7 @@ from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.wire import Encoding
 
 if TYPE_CHECKING:
-    from rosbags.interfaces import Connection
+    from rosbags.interfaces import Connection, Qos
 
     from calib_core.readers.container.ros1_index import Ros1Index
     from calib_core.readers.container.ros2_index import Reader as Ros2Index
@@ -42,6 +42,8 @@ class TopicSummary:
     """One topic. type: `package/msg/Name` whatever the container.   count: messages stored.
 
     definition, digest: the type's text and hash as the container holds them, "" where it holds none.
+    foreign: how its messages are written where that is ROS's way neither of 1 nor of 2 ("json"), else "".
+    latching, qos: how it was offered: whoever comes later gets its last message, in ROS 1 and in ROS 2.
     """
 
     name: str
@@ -50,6 +52,9 @@ class TopicSummary:
     encoding: Encoding
     definition: str = ""
     digest: str = ""
+    foreign: str = ""
+    latching: bool = False
+    qos: tuple[Qos, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +181,23 @@ def _reader(path: Path, *, is_ros1: bool) -> Ros1Index | Ros2Index:
 
 def _summary(connection: Connection, encoding: Encoding) -> TopicSummary:
     kind, text = normalised_type(connection.msgtype), connection.msgdef.data
-    return TopicSummary(connection.topic, kind, connection.msgcount, encoding, text, connection.digest)
+    offered = connection.ext
+    return TopicSummary(
+        connection.topic,
+        kind,
+        connection.msgcount,
+        encoding,
+        text,
+        connection.digest,
+        foreign=foreign_to_ros(getattr(offered, "serialization_format", encoding)),
+        latching=bool(getattr(offered, "latching", None)),
+        qos=tuple(getattr(offered, "offered_qos_profiles", ())),
+    )
+
+
+def foreign_to_ros(written: str) -> str:
+    """A serialization by its name, "" where it is ROS's own: an mcap file holds messages of any kind."""
+    return "" if written in ("cdr", "ros1") else written or "unnamed"
 
 
 def merged_topics(summaries: list[TopicSummary]) -> list[TopicSummary]:
@@ -185,5 +206,11 @@ def merged_topics(summaries: list[TopicSummary]) -> list[TopicSummary]:
     for summary in summaries:
         key = (summary.name, summary.type)
         known = merged.get(key)
-        merged[key] = summary if known is None else replace(known, count=known.count + summary.count)
+        merged[key] = summary if known is None else _both(known, summary)
     return [merged[key] for key in sorted(merged)]
+
+
+def _both(one: TopicSummary, other: TopicSummary) -> TopicSummary:
+    """What two publishers, or two files, have of one topic."""
+    qos = one.qos + tuple(each for each in other.qos if each not in one.qos)
+    return replace(one, count=one.count + other.count, latching=one.latching or other.latching, qos=qos)

@@ -23,7 +23,7 @@ def check_output(path: Path, out: Path, map_out: Path | None = None) -> None:
     """
     check_fits(out, kind_of(path), path.name)
     # Folders that are missing are made, so what counts is the lowest one that is there.
-    _check_folder(next(folder for folder in out.absolute().parents if folder.exists()))
+    _check_folder(next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists()))
     if map_out is not None:
         _check_map(map_out, out)
 
@@ -35,6 +35,8 @@ def check_fits(out: Path, kind: RecordingKind, name: str) -> None:
         raise SettingsError(
             f"The output {out.name} does not fit {name}: give a folder (no suffix) for .ply or .pcd files, or a {bags} file."
         )
+    if out.is_dir() and out.suffix != "":
+        raise SettingsError(f"Expected a name for a bag, but {out} is a folder; choose another name.")
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise SettingsError(f"The output {out} exists already; remove it or choose another name.")
 
@@ -46,6 +48,24 @@ def placed_last(out: Path) -> Iterator[Path]:
         made = Path(folder) / out.name
         yield made
         shutil.move(made, out)
+
+
+@contextmanager
+def filled_last(out: Path) -> Iterator[Path]:
+    """Where to write a folder or a file that becomes `out` when the context is left well.
+
+    A folder that is there, empty, is filled and not replaced: it may be the one that a shell is in, a link to one, or a place
+    where a disk is mounted.
+    """
+    is_there = out.is_dir()
+    with tempfile.TemporaryDirectory(prefix=".unsweep-", dir=out if is_there else out.parent) as folder:
+        made = Path(folder) / (out.name or "clouds")
+        yield made
+        if is_there:
+            for file in sorted(made.iterdir()):
+                file.replace(out / file.name)
+        else:
+            shutil.move(made, out)
 
 
 def _check_map(map_out: Path, out: Path) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import struct
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from calib_core.readers.clouds.cloud import RawCloud, StructArray
 from calib_core.readers.clouds.livox import custom_msg_points
@@ -44,16 +47,27 @@ def patched_payload(message: RawMessage, topic: TopicSummary, moved: MovedPoints
 
 
 def moved_copy(cloud: RawCloud, moved: MovedPoints | None) -> StructArray:
-    """The cloud's scalar fields, packed little-endian, coordinates as float32 metres."""
-    names = [n for n in cloud.names if cloud.points.dtype[n].shape == ()]
-    formats = [(n, "<f4") if n in "xyz" else (n, cloud.points.dtype[n].newbyteorder("<")) for n in names]
+    """The cloud's fields, packed little-endian, coordinates as float32 metres. One of several numbers is one of each: rgb_0 .."""
+    columns = dict(_columns(cloud.points))
+    formats = [(n, "<f4") if n in "xyz" else (n, values.dtype.newbyteorder("<")) for n, values in columns.items()]
     points = np.empty(cloud.points.size, np.dtype(formats))
-    for name in names:
-        points[name] = cloud.points[name]
+    for name, values in columns.items():
+        points[name] = values
     if moved is not None:
         for axis, name in enumerate("xyz"):
             points[name][moved.rows] = moved.xyz_m[:, axis]
     return points
+
+
+def _columns(points: StructArray) -> Iterator[tuple[str, NDArray[np.generic]]]:
+    """Names and values (N,) of the fields, those of several numbers a point taken apart."""
+    for name in points.dtype.names or ():
+        shape = points.dtype[name].shape
+        if shape:
+            several = points[name].reshape(points.size, math.prod(shape))
+            yield from ((f"{name}_{k}", several[:, k]) for k in range(several.shape[1]))
+        else:
+            yield name, points[name]
 
 
 def pointcloud2_payload(cloud: RawCloud, moved: MovedPoints | None, encoding: Encoding) -> bytes:

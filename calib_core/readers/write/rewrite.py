@@ -5,9 +5,8 @@ Everything but the coordinates of valid points stays as it was: fields, invalid 
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -29,7 +28,7 @@ from calib_core.readers.scans import select_points
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar
 from calib_core.readers.write.bag_writer import BagWriter, ros1_writer, ros2_writer
-from calib_core.readers.write.output import check_fits
+from calib_core.readers.write.output import check_fits, filled_last
 from calib_core.readers.write.patch import MovedPoints, moved_copy, patched_payload, pointcloud2_payload
 from calib_core.settings import ReadSettings
 from calib_core.types import Float32Array, FloatArray, Scan
@@ -63,15 +62,10 @@ def rewrite_clouds(
     with open_recording(path) as recording:
         lidar = choose_lidar(recording.topics, topic, recording.name)
         rewriter = _Rewriter(recording, lidar, transform, settings or ReadSettings(), on_event, should_cancel)
-        check_fits(out, recording.kind, recording.name)
+        check_fits(out, "ros1" if lidar.encoding == "ros1" else "ros2", recording.name)
         out.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".unsweep-", dir=out.parent) as folder:
-            made = Path(folder) / out.name
-            count = rewriter.write_clouds(made, cloud_format) if out.suffix == "" else rewriter.write_bag(made)
-            if out.is_dir():
-                out.rmdir()  # only an empty one passed the check
-            shutil.move(made, out)
-        return count
+        with filled_last(out) as made:
+            return rewriter.write_clouds(made, cloud_format) if out.suffix == "" else rewriter.write_bag(made)
 
 
 class _Rewriter:
@@ -116,10 +110,12 @@ class _Rewriter:
     def write_bag(self, file: Path) -> int:
         """All topics, the lidar's with its points moved. Packets become PointCloud2: they cannot hold moved points."""
         is_packets = self._lidar.type not in (POINTCLOUD2, *LIVOX_TYPES)
+        told = [t for t in self._recording.topics if t.foreign == "" and t.encoding == self._lidar.encoding]
         topics = [
-            TopicSummary(t.name, POINTCLOUD2, t.count, t.encoding) if t == self._lidar and is_packets else t
-            for t in self._recording.topics
+            replace(t, type=POINTCLOUD2, definition="", digest="") if t == self._lidar and is_packets else t
+            for t in told
         ]
+        self._say_what_no_bag_holds([t.name for t in self._recording.topics if t not in told])
         writer: BagWriter
         with ros1_writer(file, topics) if file.suffix == ".bag" else ros2_writer(file, topics) as writer:
             for message in self._messages(tuple(t.name for t in topics)):
@@ -137,6 +133,11 @@ class _Rewriter:
         if self._undecodable:
             text = f"{counted(self._undecodable, 'message')} on {self._lidar.name} cannot be decoded: {how}."
             self._on_event(LogEvent(level="warning", code="points.malformed", text=text))
+
+    def _say_what_no_bag_holds(self, names: list[str]) -> None:
+        if names:
+            text = f"{', '.join(names)} of {self._recording.name} hold no messages of ROS and are left out of the bag."
+            self._on_event(LogEvent(level="warning", code="deskew.left_out", text=text))
 
     def _messages(self, topics: tuple[str, ...]) -> Iterator[RawMessage]:
         return self._recording.messages(topics, start_ns=self._span[0], stop_ns=self._span[1])

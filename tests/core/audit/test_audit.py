@@ -10,6 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core import api
+from calib_core.audit import run
 from calib_core.audit.limits import Limits, read_limits
 from calib_core.audit.pose import GivenExtrinsic
 from calib_core.audit.report import AuditReport, AxisAudit
@@ -17,9 +18,11 @@ from calib_core.audit.run import _sentence, report_of
 from calib_core.calibrate import Calibration
 from calib_core.errors import SettingsError
 from calib_core.result import CalibrationResult, Transform, Uncertainty
+from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, generate
 from calib_core.simulate.motions import PAPER_FAST
 from calib_core.simulate.sensors import VLP_16, Spinning
+from calib_core.types import ImuData, Recording
 from tests.core.exporters.results import make_result
 
 R = Rotation.from_euler("xyz", [12.0, -20.0, 130.0], degrees=True).as_matrix()
@@ -152,6 +155,29 @@ def test_the_given_ones_own_uncertainty_counts() -> None:
     report = report_of(GivenExtrinsic(TRUTH, OFFSET_NS, "a result", 3.0 * own), Calibration(found, None), Limits())
     expected = 2.0 * np.sqrt(np.diag(own)) * UNITS
     np.testing.assert_allclose([axis.difference_std for axis in report.axes], expected)
+
+
+@pytest.mark.parametrize(
+    ("sha256", "rate_ppm", "difference_ms"),
+    [("00", 80.0, 0.0), ("00", None, 1.92), ("other", 80.0, 1.92), ("", 80.0, 1.92)],
+)
+def test_clocks_that_run_apart_make_no_difference_within_one_recording(
+    sha256: str, rate_ppm: float | None, difference_ms: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What was found of a whole minute, against its first twelve seconds: 80 ppm lie 1.9 ms apart, by which it failed.
+
+    Mutations: the offset as it stands; the rate's sign; carried into another recording.
+    """
+    part = make_result(R, P, OFFSET_NS - 1_920_000).model_copy(update={"time_offset_at_s": 6.0})
+    monkeypatch.setattr(run, "calibrate", lambda *_, **__: Calibration(part, None))
+    whole = make_result(R, P, OFFSET_NS).model_copy(update={"time_offset_at_s": 30.0, "clock_rate_ppm": rate_ppm})
+    recording = whole.provenance.recording.model_copy(update={"sha256": sha256})
+    whole = whole.model_copy(update={"provenance": whole.provenance.model_copy(update={"recording": recording})})
+    given = api.parse_extrinsic(whole.to_json())
+    room = Recording(name="x", imu=ImuData(np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros((0, 3))), scans=())
+    report = run.audit(room, given, Limits(), CalibrateSettings())
+    (time,) = [axis for axis in report.axes if axis.axis == "dt"]
+    assert time.difference == pytest.approx(difference_ms, abs=1e-6)
 
 
 def test_the_usual_slips_are_named() -> None:

@@ -240,11 +240,17 @@ TURNED = (Rotation.from_matrix(R) * Rotation.from_rotvec([5e-6, 0, 0])).as_quat(
         (json.dumps({"T_imu_lidar": T.tolist(), "time_offset_s": 10**400}), "no number"),
         (json.dumps({"T_imu_lidar": T.tolist(), "T_lidar_imu": T.tolist()}), "T_lidar_imu is its inverse"),
         (FAST + "imu_time_offset: 1.0e300", "imu_time_offset is no number of seconds"),
+        ("1 0 0 1e400 0 1 0 0 0 0 1 0", "too large for any program"),
+        (
+            json.dumps({"T_imu_lidar": T.tolist(), "uncertainty": {"covariance": (-np.eye(7)).tolist()}}),
+            "variances below 0",
+        ),
     ],
 )
 def test_a_document_whose_forms_differ_is_refused(text: str, reason: str) -> None:
     """Whoever edits one of two forms means that one. Mutations: the matrix, the quaternion, or the nanoseconds taken before
-    the others, as it was; the bound on times left out (an OverflowError); another mounting beside T_imu_lidar passed over."""
+    the others, as it was; the bound on times left out (an OverflowError); another mounting beside T_imu_lidar passed over;
+    a place that is not finite taken (a defect after the solve); a covariance taken as it comes."""
     with pytest.raises(InputError, match=reason) as caught:
         parse_extrinsic(text)
     assert "\n" not in str(caught.value)

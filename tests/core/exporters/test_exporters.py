@@ -8,6 +8,7 @@ from decimal import Decimal
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -159,6 +160,15 @@ def test_one_frame_id_for_both_sensors_becomes_two(name: str) -> None:
     text = export(make_result(np.eye(3), np.ones(3), lidar_frame_id="/rslidar", imu_frame_id="rslidar"), name)
     assert "rslidar_imu" in text
     assert "Both sensors name their frame rslidar" in text
+
+
+@pytest.mark.parametrize(
+    "frame", ["1", "on", "Null", "0x10", "1e3", "~", "os1/imu", "imu.link-2", "_imu", "2024-01-01"]
+)
+def test_autowares_entries_are_named_by_text(frame: str) -> None:
+    """As PyYAML reads them, which is what Autoware's launch files use. Mutation: names as they come."""
+    text = export(make_result(np.eye(3), np.ones(3), imu_frame_id=frame), "autoware")
+    assert set(yaml.safe_load(text)["sensor_kit_base_link"]) == {"velodyne", frame.replace("~", "_")}
 
 
 @given(st.integers(-(2**62), 2**62))

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.deskew import deskew_points
 from calib_core.errors import Refused, SettingsError
+from calib_core.events import Event, LogEvent
+from calib_core.full import known_extrinsic
 from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector, turning_alone
 from calib_core.maps.accumulate import covers
 from calib_core.result import Intrinsic
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
-from calib_core.types import POINT_DTYPE, Float32Array, ImuData, InitialGuess, Recording, Scan, Trajectory
+from calib_core.types import POINT_DTYPE, Float32Array, ImuData, InitialGuess, LidarInfo, Recording, Scan, Trajectory
 from tests.core.exporters.results import make_result
 
 R_IMU_LIDAR = Rotation.from_rotvec([0.4, -0.2, 2.0]).as_matrix()
@@ -214,3 +218,32 @@ def test_the_offset_is_held_as_it_is_where_the_motion_is_asked_for(
     assert offset.value == pytest.approx(1e-9 * (OFFSET_NS + moved_ns), abs=1e-12)
     assert offset.std == pytest.approx(std_s, rel=1e-3)
     assert held_calibration(result)[0].time_offset_ns == OFFSET_NS
+
+
+@pytest.mark.parametrize(
+    ("lidar_frame", "imu_frame", "said"),
+    [
+        ("velodyne", "imu_link", []),
+        ("/velodyne", "", []),
+        ("os_sensor", "imu_link", ["lidar of x is in the frame os_sensor, but .* room.bag is of the frame velodyne"]),
+        ("rear", "imu_rear", ["lidar of x .* rear,", "IMU of x .* imu_rear, .* imu_link"]),
+    ],
+)
+def test_sensors_of_other_frames_are_told(
+    lidar_frame: str, imu_frame: str, said: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A lidar's two frames half a turn apart, or the rig's other lidar, were straightened by the wrong extrinsic in silence.
+
+    Mutations: nothing is said; the lidar's frame alone; ROS 1's leading slash counts; a frame nobody named counts.
+    """
+    monkeypatch.setattr(known_extrinsic, "_solved_motion", lambda *_: None)
+    stamps_ns = 5_000_000_000 + 10_000_000 * np.arange(20)
+    imu = ImuData(stamps_ns, np.zeros((20, 3)), np.zeros((20, 3)), frame_id=imu_frame)
+    scans = [scan_at(5_000_000_000, np.array([0, 90_000_000]), np.ones((2, 3)))]
+    recording = Recording(name="x", imu=imu, scans=scans, lidar=LidarInfo(frame_id=lidar_frame))
+    events: list[Event] = []
+    held_motion(recording, make_result(R_IMU_LIDAR, P_IMU_LIDAR, OFFSET_NS), on_event=events.append)
+    told = [event.text for event in events if isinstance(event, LogEvent) and event.code == "deskew.other_frame"]
+    assert len(told) == len(said)
+    for text, pattern in zip(told, said, strict=True):
+        assert re.search(pattern, text)

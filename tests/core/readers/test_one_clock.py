@@ -340,9 +340,23 @@ def test_a_reading_stamped_with_zero_at_either_end_is_no_clock_that_was_set(at: 
 
 
 def test_what_was_skipped_is_counted_from_the_first_scan_there_is(tmp_path: Path) -> None:
-    """By the span that was asked for, and by a clock that was set. Mutations: 0; the span alone; the clock alone."""
+    """By the span that was asked for, and by a clock that was set. Oracle: the stamps of the scans.
+
+    Seen: what was asked for was taken for what it left out, by which a time offset held at another instant: a span that begins
+    before the recording, or before a lidar that was switched on late, leaves out nothing. Mutations: 0; the span alone; the clock
+    alone.
+    """
     assert _spoilt(tmp_path / "a", lambda m: m).skipped_s == 0.0
-    assert _spoilt(tmp_path / "b", lambda m: m, ReadSettings(start_s=2.0)).skipped_s == 2.0
+    asked = _spoilt(tmp_path / "b", lambda m: m, ReadSettings(start_s=2.0))
+    assert asked.skipped_s == pytest.approx(1e-9 * (asked.scans[0].stamp_ns - build.EPOCH_NS), abs=1e-9)
+    assert 1.8 < asked.skipped_s < 2.1
+    assert _spoilt(tmp_path / "e", lambda m: m, ReadSettings(start_s=-5.0)).skipped_s == 0.0
+
+    def late(messages: list[build.Message]) -> list[build.Message]:
+        return [m for m in messages if m[0] == "/imu/data" or m[2] > build.EPOCH_NS + 3 * SECOND_NS]
+
+    for start_s in (1.0, 2.9):
+        assert _spoilt(tmp_path / f"f{start_s}", late, ReadSettings(start_s=start_s)).skipped_s == 0.0
     set_back = _spoilt(tmp_path / "c", _set_back)
     assert set_back.skipped_s == pytest.approx(3.7, abs=0.2)
     assert _spoilt(tmp_path / "d", _set_back, ReadSettings(start_s=1.0)).skipped_s == pytest.approx(3.7, abs=0.2)

@@ -10,7 +10,7 @@ import pytest
 from calib_core.errors import SettingsError
 from calib_core.readers.container.opening import open_recording
 from calib_core.readers.load import load
-from calib_core.readers.write.rewrite import rewrite_clouds
+from calib_core.readers.write.rewrite import CloudFormat, rewrite_clouds
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray, Scan
 from tests.core.maps.own_readers import pcd_columns, ply_columns
@@ -98,6 +98,28 @@ def test_a_folder_of_pcd_holds_the_same(tmp_path: Path) -> None:
     ply, pcd = ply_columns(tmp_path / "a" / "000004.ply"), pcd_columns(tmp_path / "b" / "000004.pcd")
     assert ply == pcd
     assert {"x", "y", "z", "offset_time", "tag", "line"} <= set(pcd)
+
+
+@pytest.mark.parametrize("kind", ["ply", "pcd"])
+def test_a_field_of_several_numbers_is_written_one_by_one(kind: CloudFormat, tmp_path: Path) -> None:
+    """Such fields were left out of the files, in silence. Mutation: scalar fields alone."""
+    points = build.velodyne_points(build.sweep())
+    wide = np.zeros(points.size, np.dtype([*((n, points.dtype[n]) for n in points.dtype.names), ("echo", "<u2", (3,))]))
+    for name in points.dtype.names:
+        wide[name] = points[name]
+    wide["echo"] = np.arange(3 * points.size).reshape(-1, 3) % 60_000
+    clouds = [
+        (topic, type_, at, build.pointcloud2(wide, cdr=False, stamp_ns=at - 105_000_000, frame_id="velodyne"))
+        for topic, type_, at, _ in build.velodyne_messages(N, cdr=False)
+    ]
+    nothing = build.pointcloud2(wide[:0], cdr=False, stamp_ns=clouds[5][2] - 105_000_000, frame_id="velodyne")
+    clouds[5] = (*clouds[5][:3], nothing)
+    source = build.write_ros1(tmp_path / "r.bag", build.in_order(clouds, build.still_imu(1.0, cdr=False)))
+    assert rewrite_clouds(source, None, tmp_path / "out", shifted, cloud_format=kind) == N
+    file = tmp_path / "out" / f"000002.{kind}"
+    columns = ply_columns(file) if kind == "ply" else pcd_columns(file)
+    for k in range(3):
+        np.testing.assert_array_equal(columns[f"echo_{k}"], wide["echo"][:, k])
 
 
 def test_packets_become_clouds(tmp_path: Path, real_data: Path) -> None:
