@@ -18,12 +18,11 @@ from calib_core.full.joint.settle import Near
 from calib_core.full.joint.state import CALIBRATION
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.geometry import log
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import FloatArray
 
 
 def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling: Sampling) -> Estimation:
-    """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given, or one alone
-    is not flat.
+    """With the heights of patches as unknowns from here on; the same state where the planes are flat, or are given.
 
     One that is no plane beside the others, as somebody may choose, stays flat: heights would make a wall of what is a box before
     one, and nothing would be said of it any more. The others have theirs all the same: what it does not fit may be their shape.
@@ -35,14 +34,13 @@ def admit_surface(data: JointData, state: Estimation, rules: Surfaces, sampling:
     if patches.count < 2 or state.knots * lasers > rules.most_clusters:
         return state
     weight, off = patch_sums(data, state, patches, sampling)
-    bend_m = bend_of_several_m(patches.planes, weight, off, rules)
-    if bend_m < rules.least_m:
+    if not are_bent(weight, off, rules):
         return state
     is_doubtful = np.any(plane_doubts(gathered(data, state), state.estimate) > 1.0, axis=1)
     if is_doubtful.any():
         rest = np.flatnonzero(~is_doubtful[patches.planes])
         patches = patches.without(is_doubtful)
-        if patches.count < 2 or bend_of_several_m(patches.planes, weight[rest], off[rest], rules) < rules.least_m:
+        if not are_bent(weight[rest], off[rest], rules):
             return state
     return state.with_nuisance(state.nuisance.with_surface(patches, rules.height_std_m, rules.alike_m))
 
@@ -109,23 +107,13 @@ def patch_sums(
     return np.sum([w for w, _ in parts], axis=0), np.sum([d for _, d in parts], axis=0)
 
 
-def bend_of_several_m(plane: IntArray, weight: FloatArray, off: FloatArray, rules: Surfaces) -> float:
-    """What the patches' means have beyond noise without the plane for which it would be most: of one, it is that plane's fault.
+def are_bent(weight: FloatArray, off: FloatArray, rules: Surfaces) -> bool:
+    """Whether the means of patches differ from place to place by more than chance makes, however little.
 
-    plane, weight, off: (N,) of each patch its plane, sum of weights and of weighted distances.
-    """
-    return min(bend_beyond_noise_m(weight[plane != one], off[plane != one], rules) for one in np.unique(plane))
-
-
-def bend_beyond_noise_m(weight: FloatArray, off: FloatArray, rules: Surfaces) -> float:
-    """Root mean square of what the patches' means have beyond noise; 0 where chance makes as much.
-
-    weight, off: (N,) sums of weights and of weighted distances.
+    What motion and sensors have taken upon themselves of a wall's shape is not there any more, and is many times what is left.
+    weight, off: (N,) sums of weights [1/m^2] and of weighted distances [1/m] of each.
     """
     seen = weight > 0
-    square = off[seen] ** 2 / weight[seen]
-    count = len(square)
-    if count < 2 or float(square.sum()) < count + rules.sigmas * np.sqrt(2.0 * count):
-        return 0.0
-    excess = (square - 1.0) / weight[seen]
-    return float(np.sqrt(max(np.average(excess, weights=weight[seen]), 0.0)))
+    count = int(np.count_nonzero(seen))
+    beyond = float((off[seen] ** 2 / weight[seen]).sum()) - count
+    return count >= 2 and beyond >= rules.sigmas * float(np.sqrt(2.0 * count))
