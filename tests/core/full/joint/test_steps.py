@@ -304,8 +304,8 @@ def test_what_is_no_plane_beside_the_others_is_given_no_shape(
 
 
 def test_planes_are_bent_where_chance_would_hardly_make_as_much() -> None:
-    """Three walls whose patches' means are known to 0.1 mm: flat ones never are bent, one of them off by 0.4 mm from place to place
-    is enough, and patches without a point say nothing.
+    """Three walls whose patches' means are known to 0.1 mm: flat ones never are bent, one of them off by 0.4 mm from place to
+    place is enough, and patches without a point say nothing.
 
     Oracle: the variances that were drawn; of 300 flat ones chance makes none of six sigmas. Mutations: of single patches;
     standard deviations for variances; every excess counts.
