@@ -16,8 +16,10 @@ from calib_core.events import Event, LogEvent, OnEvent
 from calib_core.full.initialise.begin import begin
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference_cloud import propose_planes
+from calib_core.full.odometry.settings import TrackSettings
 from calib_core.full.planes.propose import find_reference, near_plane, scan_points
 from calib_core.full.run import Run
+from calib_core.geometry import exp
 from calib_core.types import FloatArray, Plane
 
 
@@ -61,12 +63,16 @@ def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Placed:
 
 
 def _carried(run: Run, given: Sequence[Plane], first: int, reference: int) -> list[Plane] | None:
-    """Planes of the first scan in the frame of the reference, by a track of what is found there; None where there is none."""
+    """Planes of the first scan in the frame of the reference, by a track of what is found there; None where it does not reach so
+    far. A first scan that is not on it is where the lidar came from, as long as the track itself bridges what it does not see.
+    """
     followed = begin(replace(run, on_event=_unless_said(run)), None, propose_planes(run.recording, run.settings))
-    origin = next((m for m in followed.motions if m.position == first), None)
-    if followed.reference != reference or origin is None:
+    near = min(followed.motions, key=lambda m: abs(m.position - first))
+    ago_s = float(run.clocks.scan_s[near.position] - run.clocks.scan_s[first])
+    if followed.reference != reference or abs(ago_s) > TrackSettings().bridge_s:
         return None
-    return [_moved(plane, origin.R, origin.p) for plane in given]
+    R, p = near.R @ exp(-ago_s * near.omega_rad_s), near.p - ago_s * near.v_m_s
+    return [_moved(plane, R, p) for plane in given]
 
 
 def _share_on(run: Run, planes: Sequence[Plane], position: int) -> float:

@@ -14,6 +14,7 @@ from calib_core.full.initialise import given_frame
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.kept import follow_or_recall
 from calib_core.full.odometry.reference import Followed
+from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.prepare import prepare
 from calib_core.full.run import Run
@@ -116,3 +117,34 @@ def test_the_track_begins_where_the_planes_are_where_one_carries_them_astray(
     planes, begins = in_the_tracks_frame(run, given)
     assert begins == 0
     assert planes == given
+
+
+def test_a_first_scan_that_was_not_followed_is_where_the_lidar_came_from(
+    blind: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its track begins with the second scan, 0.1 s later, or later still, beyond what a track bridges.
+
+    Oracle: a lidar that turns about its z axis by 0.5 rad/s and goes ahead by 2 m/s was turned back by 0.05 rad, 0.2 m behind, a
+    scan before; a wall 3 m ahead of it there. Mutations: the first scan taken for the second; turned or moved on, not back;
+    however long before.
+    """
+    recording, run = blind[0], _run(blind[0])
+    reference, _ = find_reference(recording.scans, SETTINGS)
+    wall = Plane("wall", np.array([-1.0, 0.0, 0.0]), 3.0)
+
+    def carried(position: int) -> list[Plane] | None:
+        turning, ahead = np.array([0.0, 0.0, 0.5]), np.array([2.0, 0.0, 0.0])
+        known = [ScanMotion(k, np.eye(3), np.zeros(3), turning, ahead) for k in (position, reference)]
+        monkeypatch.setattr(given_frame, "begin", lambda *_: Followed(reference, [], known))
+        return given_frame._carried(run, [wall], 0, reference)
+
+    planes = carried(1)
+    assert planes is not None
+    before_s = float(run.clocks.scan_s[1] - run.clocks.scan_s[0])
+    assert before_s == pytest.approx(0.1, abs=0.01)
+    turned = -0.5 * before_s
+    np.testing.assert_allclose(planes[0].normal, [-np.cos(turned), -np.sin(turned), 0.0], atol=1e-12)
+    # The wall's nearest point in the map: 3 m along the axis that it faced, from where the lidar was.
+    nearest = np.array([-2.0 * before_s, 0.0, 0.0]) + 3.0 * np.array([np.cos(turned), np.sin(turned), 0.0])
+    assert planes[0].normal @ nearest + planes[0].offset_m == pytest.approx(0.0, abs=1e-12)
+    assert carried(7) is None
