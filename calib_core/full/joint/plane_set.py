@@ -124,6 +124,13 @@ def drop_planes(
     plane's averages count too: clutter may scatter hardly more than a wall, but where it lies wanders from sweep to sweep.
     most_share: what holds a greater part of the points is not judged yet.
     """
+    twin_of = twins(state, rules)
+    if twin_of:
+        for k, other in twin_of.items():
+            text = f"{state.planes[k].name} has turned out to be {state.planes[other].name}: left out"
+            data.run.say("info", "planes.merged", text)
+        none = np.zeros(len(state.planes), np.bool_)
+        return only_planes(state, np.array([k not in twin_of for k in range(len(none))]), none, rules)
     problem = gathered(data, state)
     chi2, points = plane_chi2(problem, state.estimate)
     if points.sum() == 0:
@@ -143,6 +150,24 @@ def drop_planes(
     left = [plane for plane, kept in zip(state.planes, keep, strict=True) if not kept]
     say_left_out(data.run, left, doubt[~keep])
     return only_planes(state, keep, (scatter < 1.0) & (doubt[:, 2] < 1.0), rules)
+
+
+def twins(state: Estimation, rules: PlaneSet) -> dict[int, int]:
+    """Planes that have come to lie where another does, and which that is: neither has points then, which may be either's.
+
+    Of two the later, or the one that nobody chose. Those that were chosen stay, and parts of a wall that are cut out of it.
+    """
+    e = state.estimate
+    mine = (e.normals, e.offsets_m)
+    same = same_surface(*mine, of=mine, within_deg=rules.twin_deg, within_m=rules.twin_m)
+    whole = np.array([plane.outline_m is None for plane in state.planes])
+    found = dict[int, int]()
+    # Who may go goes first, the last before the others.
+    for k in reversed(range(len(state.planes))):
+        others = [int(j) for j in np.flatnonzero(same[k] & whole) if j != k and j not in found]
+        if others and whole[k] and not state.planes[k].chosen:
+            found[k] = others[0]
+    return found
 
 
 def mark_planes(data: JointData, state: Estimation, rules: PlaneSet) -> Estimation:

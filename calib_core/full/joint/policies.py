@@ -170,6 +170,10 @@ class PlaneSet:
     #: judged: a plane that is left out and faces the same way as one that stays is that one seen again, if it lies so near:
     #: twice as far, as what moved has moved.
     same_surface_m: float = 0.5
+    #: judged: of planes that are parallel to this and this near, points may be either's: as for planes that somebody gives
+    #: (Patches).
+    twin_deg: float = 3.0
+    twin_m: float = 0.05
     #: judged: what joins has to fill a share of what was searched, be so broad and so flat. Small planes tell little, and
     #: false ones harm.
     least_share: float = 0.03

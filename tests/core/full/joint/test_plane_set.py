@@ -145,6 +145,38 @@ def test_what_a_person_chose_stays_among_what_was_proposed(monkeypatch: pytest.M
     assert said == ["box is not flat: left out"]
 
 
+def test_a_plane_that_has_come_to_lie_along_another_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen in a yard: a patch of 400 points settled on the ground, and neither had a point any more. All that was left was a
+    house front, and nothing determined.
+
+    One 1 deg and 20 mm off the floor goes; one a step of 80 mm above it stays, and so does a part that is cut out of it, and one
+    that a person wants: then the floor goes, which nobody chose. It is no edge of anything.
+    Mutations: the first of two goes; both do; the chosen one; cut parts; put aside where it lay; however far or askew.
+    """
+    tilted = exp(np.radians([1.0, 0.0, 0.0])) @ np.array([0.0, 0.0, 1.0])
+    askew = exp(np.radians([5.0, 0.0, 0.0])) @ np.array([0.0, 0.0, 1.0])
+    normals = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], tilted, [0.0, 0.0, 1.0], askew])
+    names = ("floor", "wall", "late", "step", "slope")
+    state = state_of(normals, np.array([1.2, 3.0, 1.22, 1.28, 1.2]), *(MapPlane(name) for name in names))
+    monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
+    monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.ones(5), np.zeros(5)))
+    said: list[tuple[str, ...]] = []
+    data: Any = SimpleNamespace(run=SimpleNamespace(say=lambda *what: said.append(what)))
+
+    def left(**changes: MapPlane) -> list[str]:
+        planes = tuple(changes.get(plane.name, plane) for plane in state.planes)
+        after = drop_planes(data, replace(state, planes=planes), PlaneSet())
+        assert len(after.estimate.aside_normals) == 0
+        assert len(after.estimate.normals) == len(after.planes)
+        return [plane.name for plane in after.planes]
+
+    assert left() == ["floor", "wall", "step", "slope"]
+    assert said == [("info", "planes.merged", "late has turned out to be floor: left out")]
+    assert left(late=MapPlane("late", outline_m=np.zeros((3, 3)))) == list(names)
+    assert left(late=MapPlane("late", chosen=True)) == ["wall", "late", "step", "slope"]
+    assert left(late=MapPlane("late", chosen=True), floor=MapPlane("floor", chosen=True)) == list(names)
+
+
 def test_a_wall_that_is_left_out_still_stands_in_its_edges() -> None:
     """Put aside, in whatever frame comes next; but not the same surface seen twice, which would claim the other's points.
 
