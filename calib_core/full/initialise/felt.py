@@ -36,11 +36,11 @@ class GyroTurning:
     coasts: bool = False
 
     @staticmethod
-    def of(ctx: Run, rotation: RotationStart, *, coasts: bool = False) -> GyroTurning:
+    def of(run: Run, rotation: RotationStart, *, coasts: bool = False) -> GyroTurning:
         """With the bias that came with the rotation taken off."""
-        imu_s = ctx.clocks.imu_s
-        gyro = GyroTurns(imu_s, ctx.recording.imu.gyro_rad_s - rotation.gyro_bias)
-        return GyroTurning(gyro, rotation, ctx.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]), coasts)
+        imu_s = run.clocks.imu_s
+        gyro = GyroTurns(imu_s, run.recording.imu.gyro_rad_s - rotation.gyro_bias)
+        return GyroTurning(gyro, rotation, run.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]), coasts)
 
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None outside of the IMU's recording."""
@@ -124,30 +124,30 @@ class Judged:
         leapt = set(self.leaps.tolist())
         return [replace(m, share=0.0) if k in leapt else m for k, m in enumerate(self.motions)]
 
-    def felt(self, ctx: Run, *, coasts: bool = False) -> Felt:
+    def felt(self, run: Run, *, coasts: bool = False) -> Felt:
         """The IMU's motion, in the track's map frame."""
         scans = (self.motions[int(step)].position for step in self.steps.step)
-        return Felt(GyroTurning.of(ctx, self.rotation, coasts=coasts), dict(zip(scans, self.steps.felt_m, strict=True)))
+        return Felt(GyroTurning.of(run, self.rotation, coasts=coasts), dict(zip(scans, self.steps.felt_m, strict=True)))
 
 
-def told_rotation(ctx: Run, lidar: LidarTrack) -> RotationStart | None:
+def told_rotation(run: Run, lidar: LidarTrack) -> RotationStart | None:
     """The best rotation between a track's turns and the gyroscope's; None where they are nowhere alike."""
-    starts = rotation_start(lidar, ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s)
+    starts = rotation_start(lidar, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
     return starts[0] if starts and starts[0].residual < AGREEING.fits else None
 
 
-def judged(ctx: Run, motions: Sequence[ScanMotion], lidar: LidarTrack, rotation: RotationStart) -> Judged:
+def judged(run: Run, motions: Sequence[ScanMotion], lidar: LidarTrack, rotation: RotationStart) -> Judged:
     """How a track stands beside the IMU. lidar: the same, on the lidar's clock."""
-    imu_s, imu = ctx.clocks.imu_s, ctx.recording.imu
-    magnitude_m_s2 = ctx.settings.gravity.magnitude_m_s2
+    imu_s, imu = run.clocks.imu_s, run.recording.imu
+    magnitude_m_s2 = run.settings.gravity.magnitude_m_s2
     steps = linear_steps(lidar, imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude_m_s2)
-    return Judged(rotation, steps, motions, leaps(ctx, motions, rotation))
+    return Judged(rotation, steps, motions, leaps(run, motions, rotation))
 
 
-def leaps(ctx: Run, motions: Sequence[ScanMotion], rotation: RotationStart) -> IntArray:
+def leaps(run: Run, motions: Sequence[ScanMotion], rotation: RotationStart) -> IntArray:
     """The motions, by number, from which the next one is turned as the gyroscope has not felt it, bridged ones aside."""
-    turning = GyroTurning.of(ctx, rotation)
-    t_s = ctx.clocks.scan_s[[m.position for m in motions]] - rotation.time_offset_s
+    turning = GyroTurning.of(run, rotation)
+    t_s = run.clocks.scan_s[[m.position for m in motions]] - rotation.time_offset_s
     # What the gyroscope turned and what the track did, as one lidar's.
     felt = turning.gyro.at(t_s) @ rotation.R_imu_lidar
     shown = np.array([m.R for m in motions])

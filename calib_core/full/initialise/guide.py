@@ -49,13 +49,13 @@ class Led:
     gravity: FloatArray
 
     @staticmethod
-    def of(ctx: Run, found: Judged) -> Led:
+    def of(run: Run, found: Judged) -> Led:
         """From what a stretch of a track has told."""
         rotation, linear = found.rotation, found.steps.start
-        turning = GyroTurning.of(ctx, rotation)
-        imu_s, scan_s = ctx.clocks.imu_s, ctx.clocks.scan_s
+        turning = GyroTurning.of(run, rotation)
+        imu_s, scan_s = run.clocks.imu_s, run.clocks.scan_s
         at_s = scan_s - rotation.time_offset_s
-        readings = ctx.recording.imu.accel_m_s2 - linear.accel_bias
+        readings = run.recording.imu.accel_m_s2 - linear.accel_bias
         V, P = double_integral(imu_s, (turning.gyro.at(imu_s) @ readings[..., None])[..., 0], at_s)
         silent = np.flatnonzero(np.diff(imu_s) > GUIDING.silence_s)
         known = (at_s[:-1] >= imu_s[0]) & (at_s[1:] <= imu_s[-1])
@@ -133,8 +133,8 @@ class Led:
 class Guide:
     """Looks at one track. led: whether it has led it anywhere."""
 
-    def __init__(self, ctx: Run) -> None:
-        self._ctx = ctx
+    def __init__(self, run: Run) -> None:
+        self._ctx = run
         self._known: Led | None = None
         self._leads = False
         self._next_s = GUIDING.first_s
@@ -176,25 +176,25 @@ class Guide:
 
     def _learn(self, motions: Sequence[ScanMotion]) -> None:
         """Learn what leads the track from those motions, where they tell it. Raises Misled where they went astray."""
-        ctx = self._ctx
+        run = self._ctx
         part = sorted(motions, key=lambda m: m.position)
         at = [m.position for m in part]
-        lidar = LidarTrack.of(part, ctx.clocks.scan_s[at], ctx.clocks.sweep_s[at])
-        alike = agreement(lidar, ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s)
+        lidar = LidarTrack.of(part, run.clocks.scan_s[at], run.clocks.sweep_s[at])
+        alike = agreement(lidar, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
         if alike.correlation < AGREEING.trusted or not alike.is_of_a_unit:
             return
-        rotation = told_rotation(ctx, lidar)
+        rotation = told_rotation(run, lidar)
         if rotation is None or rotation.open_axis_imu is not None:
             return
-        found = judged(ctx, part, lidar, rotation)
-        leading = Led.of(ctx, found) if found.tells else None
+        found = judged(run, part, lidar, rotation)
+        leading = Led.of(run, found) if found.tells else None
         if leading is not None:
             self._known = leading
-        turning = leading or GyroTurning.of(ctx, rotation)
+        turning = leading or GyroTurning.of(run, rotation)
         if found.faults > 0 and self._begun_by not in (type(turning), Led):
             if self._begun_by is None:
                 # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
-                require_measured_sweeps(ctx, found.sound)
+                require_measured_sweeps(run, found.sound)
             self.led, self._leads, self._begun_by, self._next_s = (
                 True,
                 leading is not None,

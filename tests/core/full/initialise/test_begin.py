@@ -116,9 +116,9 @@ def test_a_track_that_no_longer_leaps_may_slide_all_the_same(
             out.append(replace(m, p=m.p + slid, R=m.R if len(calls) > 1 else leapt @ m.R))
         return replace(found, motions=out)
 
-    def pairs(ctx: Any) -> Any:
-        asked.append(ctx)
-        return pairs_start(ctx)
+    def pairs(run: Any) -> Any:
+        asked.append(run)
+        return pairs_start(run)
 
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
     monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", pairs)
@@ -141,9 +141,9 @@ def test_turns_from_scan_to_scan_are_found_once(
         out = [replace(m, R=leapt @ m.R if m.position % 3 == 0 and m.position > 40 else m.R) for m in found.motions]
         return replace(found, motions=out)
 
-    def pairs(ctx: Any) -> Any:
-        asked.append(ctx)
-        return pairs_start(ctx)
+    def pairs(run: Any) -> Any:
+        asked.append(run)
+        return pairs_start(run)
 
     by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
     monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)

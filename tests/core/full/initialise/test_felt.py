@@ -61,7 +61,7 @@ def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
     """Twenty scans at a constant rate, one pose from the tenth on turned by twice what is allowed: one leap; none between
     bridged scans. Mutations: the lidar's turn taken the other way; bridged scans count.
     """
-    ctx: Any = SimpleNamespace(
+    run: Any = SimpleNamespace(
         recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
         clocks=SimpleNamespace(imu_s=IMU_S, scan_s=0.1 * np.arange(20), lidar_epoch_ns=0),
     )
@@ -72,13 +72,13 @@ def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
             ScanMotion(k, exp(0.1 * k * RATE) @ (aside if k >= 10 else np.eye(3)), nothing, RATE, nothing, share)
             for k in range(20)
         ]
-        np.testing.assert_array_equal(leaps(ctx, motions, ROTATION), expected)
-        np.testing.assert_array_equal(_leaps_one_by_one(ctx, motions), expected)
+        np.testing.assert_array_equal(leaps(run, motions, ROTATION), expected)
+        np.testing.assert_array_equal(_leaps_one_by_one(run, motions), expected)
 
 
-def _leaps_one_by_one(ctx: Any, motions: list[ScanMotion]) -> list[int]:
+def _leaps_one_by_one(run: Any, motions: list[ScanMotion]) -> list[int]:
     """The twin: turn after turn, as the tracker asks for them."""
-    turning, found = GyroTurning.of(ctx, ROTATION), []
+    turning, found = GyroTurning.of(run, ROTATION), []
     for k in range(len(motions) - 1):
         one, other = motions[k], motions[k + 1]
         felt = turning.between(one.position * 100_000_000, other.position * 100_000_000)
@@ -92,7 +92,7 @@ def test_leaps_are_told_within_the_gyroscope_recording_alone() -> None:
     """Every second motion of a track that outlasts the IMU by a second stands still: leaps all over, but for where nothing was
     felt. Mutation: spans told that leave the recording.
     """
-    ctx: Any = SimpleNamespace(
+    run: Any = SimpleNamespace(
         recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
         clocks=SimpleNamespace(imu_s=IMU_S, scan_s=0.1 * np.arange(40), lidar_epoch_ns=0),
     )
@@ -101,6 +101,6 @@ def test_leaps_are_told_within_the_gyroscope_recording_alone() -> None:
         ScanMotion(k, exp((0.1 * k + (4.0 * AGREEING.leap_rad if k % 2 else 0.0)) * RATE), nothing, RATE, nothing)
         for k in range(40)
     ]
-    found = leaps(ctx, motions, ROTATION)
-    np.testing.assert_array_equal(found, _leaps_one_by_one(ctx, motions))
+    found = leaps(run, motions, ROTATION)
+    np.testing.assert_array_equal(found, _leaps_one_by_one(run, motions))
     assert 20 < len(found) < 30

@@ -57,7 +57,7 @@ def _readings() -> FloatArray:
 
 def _led(*, silent: slice = slice(0, 0)) -> Led:
     kept = np.delete(np.arange(len(IMU_S)), silent)
-    ctx: Any = SimpleNamespace(
+    run: Any = SimpleNamespace(
         recording=SimpleNamespace(
             imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(kept), 1)), accel_m_s2=_readings()[kept])
         ),
@@ -66,7 +66,7 @@ def _led(*, silent: slice = slice(0, 0)) -> Led:
     rotation = RotationStart(OFFSET_S, R_C, np.zeros(3), 0.0, 1.0, None)
     linear = SimpleNamespace(gravity=GRAVITY, p_imu_lidar=P_C, accel_bias=BIAS)
     found: Any = SimpleNamespace(rotation=rotation, steps=SimpleNamespace(start=linear))
-    return Led.of(ctx, found)
+    return Led.of(run, found)
 
 
 def _motions(which: range, share: float = 1.0) -> list[ScanMotion]:
