@@ -10,7 +10,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
 from calib_core.full.assess.late import still_show, with_late_blocks
@@ -29,6 +28,7 @@ from calib_core.full.joint.sheets import beyond_by, beyond_sheets, say_beyond, w
 from calib_core.full.joint.solve import estimate_chosen, estimate_further, estimate_jointly, motion_by_all
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
+from calib_core.method import Answer
 from calib_core.settings import CalibrateSettings
 from calib_core.types import InitialGuess, Plane
 

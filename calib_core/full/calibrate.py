@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.attempts import Motion, Task, answered, motion_by_everything
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
@@ -26,22 +25,23 @@ from calib_core.full.joint.kept_motion import KeptMotion, called_as
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
+from calib_core.method import Answer
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 
 def calibrate_full(
-    run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, kept_in: Path | None = None
+    run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None = None
 ) -> Answer:
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
-    found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
+    found.   guess: what is known beforehand, None for nothing.   cache_dir: folder for what the next solve need not do again."""
     _say_of_held_planes(run, planes)
     planes, begins = in_the_tracks_frame(run, planes)
-    followed = follow_or_recall(run, planes, kept_in, begins)
+    followed = follow_or_recall(run, planes, cache_dir, begins)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
     found, followed = named(followed, (), up), named(followed, planes or (), up)
     of_found = Task(found, lidar, start, guess, run.settings)
-    kept = KeptMotion.of(kept_in, key_of(run) if kept_in else "", run, found, lidar, guess)
+    kept = KeptMotion.of(cache_dir, key_of(run) if cache_dir else "", run, found, lidar, guess)
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     if choice is not None:

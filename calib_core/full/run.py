@@ -10,13 +10,13 @@ from functools import partial
 
 import numpy as np
 
-from calib_core.document import Heard
 from calib_core.errors import Cancelled
 from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
 from calib_core.gp.regression import Hyper
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.imu.restored import Restored
 from calib_core.intrinsics import Sensor
+from calib_core.message_log import MessageLog
 from calib_core.settings import CalibrateSettings
 from calib_core.threads import usual_threads
 from calib_core.types import FloatArray, IntArray, Level, Recording
@@ -159,7 +159,7 @@ class Run:
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
     beyond_sheets: frozenset[Sensor] = frozenset()
-    heard: Heard | None = None
+    log: MessageLog | None = None
 
     @property
     def hyper(self) -> Hyper:
@@ -191,15 +191,14 @@ class Run:
     def attempt(self) -> Callable[[], None]:
         """Begin what may lead nowhere: a call of what this returns keeps what was said on that way out of the document. Whoever
         watches has heard it."""
-        heard = self.heard
-        if heard is None:
+        if self.log is None:
             return lambda: None
-        return partial(heard.unsay, heard.said_so_far())
+        return partial(self.log.restore, self.log.snapshot())
 
     def retract(self, *codes: str) -> None:
         """Keep out of the document what was said under these codes: it is looked at again."""
-        if self.heard is not None:
-            self.heard.retract(codes)
+        if self.log is not None:
+            self.log.retract(codes)
 
     def keeping(self, code: str) -> Run:
         """The same run, which keeps one kind of sentence to itself: what it says would not be true of how it is used."""
