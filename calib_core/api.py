@@ -244,7 +244,8 @@ def calibrate(
 ) -> Calibration:
     """The result document and, unless its `status` is `refused`, the lidar's motion.
 
-    planes: those that count, in the map frame, or as `propose_planes` gives them, which is told apart; None: all that are found. Of a choice made by hand (none `suggested`) all count.
+    planes: those that count, in the map frame or as `propose_planes` gives them, which is told apart; None: all that are
+    found. Planes that are `suggested` are left out where they turn out to be doubtful, others count whatever they are.
     initial_guess: where the solve starts, as far as it is known; what is None in it, or without it, is found from the recording.
     cache_dir: folder in which the lidar's motion is kept for the next solve of the same recording. It saves time and
     changes no number.
@@ -275,7 +276,8 @@ def audit(
     """A given extrinsic compared with what the recording says by itself: difference, sigmas and verdict per axis.
 
     The recording is calibrated with `settings`, without the given extrinsic as a start.   limits: the differences up to
-    which an axis passes; None: those beyond which a result of ours is `weak`.   Raises SettingsError and Cancelled, as `calibrate` does.
+    which an axis passes; None: those beyond which a result of ours is `weak`.   Raises SettingsError and Cancelled, as
+    `calibrate` does.
     """
     from calib_core.audit import run
     from calib_core.audit.limits import Limits as AllLimits

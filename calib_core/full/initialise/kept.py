@@ -26,23 +26,11 @@ from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import require_motion
 from calib_core.full.run import Run
+from calib_core.settings import USED_AFTER_TRACKING
 from calib_core.types import FloatArray, Plane, PlaneProposals
 from calib_core.written import Arrays
 
 _FILE = "track.npz"
-#: Settings that are asked for only after the lidar was followed.
-_LATER = frozenset(
-    {
-        "points_per_plane_per_scan",
-        "estimate_time_offset",
-        "estimate_planes",
-        "bias_model",
-        "intrinsics",
-        "priors",
-        "max_rounds",
-        "crispness",
-    }
-)
 
 
 @dataclass(frozen=True)
@@ -121,7 +109,7 @@ def _proposed(run: Run, begins: int | None) -> PlaneProposals:
 
 def key_of(run: Run) -> str:
     """A digest of all that a track depends on but the planes: the readings, when they were taken, the settings, the program."""
-    settings = run.settings.model_dump_json(exclude=set(_LATER))
+    settings = run.settings.model_dump_json(exclude=set(USED_AFTER_TRACKING))
     try:
         program = version("unsweep")
     except PackageNotFoundError:
