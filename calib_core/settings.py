@@ -177,7 +177,7 @@ OBEYED_BY_PAPER = frozenset(
 )  # fmt: skip
 
 #: What changes nothing of how the lidar is followed: a track that is kept serves another solve with other values of these
-#: (`full/initialise/kept.py`). What is not listed makes a new track.
+#: (`full/initialise/kept_track.py`). What is not listed makes a new track.
 USED_AFTER_TRACKING = frozenset(
     {
         "points_per_plane_per_scan", "estimate_time_offset", "estimate_planes", "bias_model", "intrinsics", "priors",

@@ -34,8 +34,8 @@ from calib_core.types import InitialGuess, Plane
 
 
 @dataclass(frozen=True)
-class Motion:
-    """A motion that all structure has told, the problem that it was told in, and the track's planes."""
+class MotionByAll:
+    """The motion by all planes that were followed, chosen or not: what is known then, the problem it was found in, the track."""
 
     data: JointData
     state: Estimation
@@ -57,7 +57,7 @@ class Task:
     guess: InitialGuess | None
     settings: CalibrateSettings
     schedule: Schedule = FULL
-    motion: Motion | None = None
+    motion: MotionByAll | None = None
     kept: KeptMotion | None = None
 
     def counting(
@@ -154,7 +154,7 @@ def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confi
     return solved, trust
 
 
-def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> Motion | None:
+def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> MotionByAll | None:
     """The motion that all planes tell that were followed, for a choice to begin from; None where they lead nowhere."""
     freely = replace(run, settings=run.settings.model_copy(update={"estimate_planes": True}))
     followed = task.followed
@@ -164,7 +164,7 @@ def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> Motion | Non
         state = kept.recall(run) or motion_by_all(kept.keeping(data), first, FULL)
     except Refused:
         return None
-    return Motion(data, state, followed)
+    return MotionByAll(data, state, followed)
 
 
 def solve(run: Run, task: Task) -> Solved:

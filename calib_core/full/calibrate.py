@@ -15,10 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from calib_core.errors import Refused
-from calib_core.full.attempts import Motion, Task, answered, motion_by_everything
+from calib_core.full.attempts import MotionByAll, Task, answered, motion_by_everything
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.kept import follow_or_recall, key_of
+from calib_core.full.initialise.kept_track import follow_or_recall, key_of
 from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, own_and_merged
 from calib_core.full.joint.doubt import face_three_ways
 from calib_core.full.joint.kept_motion import KeptMotion, called_as
@@ -70,7 +70,7 @@ def of_choice(
     motion = motion_by_everything(run.keeping("planes.found") if all_by_hand else run, of_found, kept)
     if motion is not None:
         state = called_as(motion.state, task.followed.planes, up)
-        task = replace(task, motion=Motion(motion.data, state, task.followed))
+        task = replace(task, motion=MotionByAll(motion.data, state, task.followed))
     by_hand = task.counting(CHOSEN, [replace(plane, suggested=False) for plane in choice], dropped=dropped)
     if all_by_hand:
         return answered(run, by_hand)

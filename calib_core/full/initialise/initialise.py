@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, gravity_complaint, unit_complaint
-from calib_core.full.initialise.guided import guided, with_lever_arm
+from calib_core.full.initialise.initial_guess import start_from_guess, with_lever_arm
 from calib_core.full.initialise.linear import linear_start, linear_steps
 from calib_core.full.initialise.rigid import require_rigid
 from calib_core.full.initialise.rotation import acceleration_start, is_worse, rotation_start
@@ -46,7 +46,7 @@ def initialise(
         candidates = acceleration_start(lidar, run.clocks.imu_s, imu.accel_m_s2)
     is_turned_as_guessed = False
     if guess is not None:
-        start, is_turned_as_guessed = guided(run, lidar, candidates, guess)
+        start, is_turned_as_guessed = start_from_guess(run, lidar, candidates, guess)
         candidates = [start]
     if not candidates:
         raise _nothing_to_compare(len(motions), len(run.recording.scans))

@@ -97,7 +97,9 @@ def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch:
     """
     estimator = Estimator("wrong", "right")
     assert (
-        solved(monkeypatch, estimator, followed=6, motion=page.Motion(None, State(iterations=30), "everything")).name
+        solved(
+            monkeypatch, estimator, followed=6, motion=page.MotionByAll(None, State(iterations=30), "everything")
+        ).name
         == "right"
     )
     (first, of_motion), (again, iterations) = estimator.asked

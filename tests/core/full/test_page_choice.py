@@ -81,7 +81,7 @@ def counted(
     def motion(run: Run, task: attempts.Task, _: Any) -> Any:
         if comes:
             run.say("info", "planes.found", "one more plane came into view after the start and is used")
-        return attempts.Motion(unused, unused, task.followed) if len(task.followed.planes) == len(seen) else None
+        return attempts.MotionByAll(unused, unused, task.followed) if len(task.followed.planes) == len(seen) else None
 
     monkeypatch.setattr(page, "motion_by_everything", motion)
     try:
