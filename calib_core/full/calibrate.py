@@ -57,10 +57,12 @@ def calibrate_full(
 def of_choice(
     run: Run, task: Task, choice: Sequence[Plane], of_found: Task, kept: KeptMotion, up: FloatArray
 ) -> Answer:
-    """With a choice among the planes that were followed: from the motion that all of them tell, as they are called by themselves.
+    """The answer where a person chose among the planes that were followed: all planes tell the motion first, the chosen ones go
+    on from there.
 
-    Where all were chosen by hand they count, whatever they are; else those that nobody insists on are left out where they turn
-    out to be none, and what came into view counts, too.   up: (3,) unit, map.
+    Where all were chosen by hand they count, whatever they are. Otherwise those that nobody insists on are left out where they
+    turn out not to be planes, and planes that came into view on the way count as well.
+    task, of_found: with the planes called as the person calls them, and as the program does.   up: (3,) unit, map frame.
     """
     late, dropped = late_and_dropped(task.followed, choice) if choice else ([], [])
     unsay = run.attempt()
@@ -88,8 +90,9 @@ def of_choice(
 
 
 def own_planes(run: Run, followed: Followed, choice: Sequence[Plane], late: Sequence[Plane]) -> list[Plane]:
-    """Those of a choice that are planes of their own, and others are named; all of it where these and what came late do not face
-    three ways."""
+    """The chosen planes without those that are another's in the straightened sweep, which are said; all of the choice where the
+    others, with the late ones, do not face three ways.
+    """
     own, gone = own_and_merged(followed, choice)
     if not face_three_ways(np.array([plane.normal for plane in [*own, *late]])):
         return list(choice)
