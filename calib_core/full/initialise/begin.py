@@ -23,8 +23,8 @@ from calib_core.full.initialise.agreement import (
     agreement,
 )
 from calib_core.full.initialise.by_pairs import pairs_start, tell_turns
-from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
-from calib_core.full.initialise.guide import Guide, Led
+from calib_core.full.initialise.felt import GyroTurning, TrackCheck, check_track, told_rotation
+from calib_core.full.initialise.guide import Guide, ImuMotion
 from calib_core.full.initialise.proposed import choice_among, joined, matched
 from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.settings import AGREEING
@@ -39,8 +39,8 @@ from calib_core.full.planes.propose import no_planes
 from calib_core.full.run import Run
 from calib_core.types import Plane, PlaneProposals
 
-#: A track, and how it stands beside the IMU where that can be told.
-Known = tuple[Followed, Judged | None]
+#: A track, and how it compares with the IMU; None where that cannot be told.
+Known = tuple[Followed, TrackCheck | None]
 #: Lag and rotation from turns between neighbouring scans, and how well they agree; found once, by whoever asks first.
 Pairs = Callable[[], tuple[list[RotationStart], Agreement]]
 _BY_IMU = "the lidar's motion was tracked with the IMU's help: by its planes alone it had gone astray"
@@ -98,7 +98,7 @@ def _led_throughout(
     whole = near.seen >= AGREEING.whole * len(run.recording.scans)
     if not whole or agreed.correlation < AGREEING.trusted or rotation is None or rotation.open_axis_imu is not None:
         return None
-    found = judged(run, near.motions, lidar, rotation)
+    found = check_track(run, near.motions, lidar, rotation)
     known: Known = near, found
     best, left = known if found.faults <= at_fault * near.seen else _with_steps(run, known, planes, reference)
     if left is None or left.faults > at_fault * best.seen:
@@ -141,7 +141,7 @@ def _led_on(run: Run, near: Followed, planes: Sequence[Plane], reference: int) -
         again = _turned(run, planes, reference, starts, may_leave=False)
         if again is not None and again.seen >= AGREEING.whole * len(run.recording.scans):
             # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
-            require_measured_sweeps(run, judged(run, near.motions, lidar, starts[0]).sound)
+            require_measured_sweeps(run, check_track(run, near.motions, lidar, starts[0]).sound)
             return again
     return follow(run, planes, reference, known=near)
 
@@ -223,7 +223,7 @@ def _felt(
     rotation = told_rotation(run, lidar)
     if rotation is not None and rotation.open_axis_imu is not None:
         return first  # a turn that is open tells no steps
-    known: Known = first, None if rotation is None else judged(run, first.motions, lidar, rotation)
+    known: Known = first, None if rotation is None else check_track(run, first.motions, lidar, rotation)
     if known[1] is not None:
         if known[1].faults <= at_fault * first.seen:
             return first
@@ -245,10 +245,10 @@ def _from_a_sound_stretch(run: Run, known: Known, planes: Sequence[Plane], refer
     rotation = told_rotation(run, lidar)
     if rotation is None or rotation.open_axis_imu is not None:
         return known
-    of_part = judged(run, part, lidar, rotation)
+    of_part = check_track(run, part, lidar, rotation)
     if not of_part.tells:
         return known
-    return _with_steps(run, _sounder(run, known, planes, reference, Led.of(run, of_part)), planes, reference)
+    return _with_steps(run, _sounder(run, known, planes, reference, ImuMotion.of(run, of_part)), planes, reference)
 
 
 def _with_steps(run: Run, known: Known, planes: Sequence[Plane], reference: int) -> Known:
@@ -292,7 +292,7 @@ def _sounder(run: Run, known: Known, planes: Sequence[Plane], reference: int, tu
     rotation = told_rotation(run, lidar)
     if rotation is None or rotation.open_axis_imu is not None:
         return known
-    other = judged(run, again.motions, lidar, rotation)
+    other = check_track(run, again.motions, lidar, rotation)
     if found is not None and (other.tells, again.seen - other.faults) <= (found.tells, best.seen - found.faults):
         return known
     return again, other

@@ -31,13 +31,14 @@ Guided = Callable[[], Guide] | None
 
 @dataclass(frozen=True)
 class Followed:
-    """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording.
+    """A track, the planes it ended up with, and the scan in whose frame they are.
 
-    led: whether its guide has led it somewhere.   proposals: the planes found in the reference scan that was looked at first, as
-    they were found; none where the map is in another one's frame.   away: whether the planes were found in another one.
-    of_proposal: which proposal each of the planes is, -1 for none.   late: which of them came into view, so that nobody was
-    shown them.   Both () where it is not known.   dropped: planes that a person has dropped: they shall not come back.
-    turning: what its turns within sweeps, and from one to the next, were taken from; None where its planes alone told them.
+    reference: position of that scan in the recording.   motions: of the scans that were followed, in order of time.
+    proposals: the planes that were proposed, as they were found; () where the map is not in their reference scan's frame.
+    away: whether the planes were found in another scan than the proposals.   of_proposal: which proposal each of the planes is,
+    -1 for none.   late: which of the planes came into view on the way, so that nobody was shown them.   Both () where it is not
+    known.   dropped: planes that a person does not want: they must not come back.
+    led: whether a guide has led it for any scan.   turning: what its turns were taken from; None where its planes told them.
     """
 
     reference: int
@@ -67,7 +68,7 @@ class Followed:
         return sum(m.share > 0 and bool(m.unseen.any()) for m in self.motions)
 
     def leads_on(self, run: Run) -> bool:
-        """Whether it covers so much that the rest is reached by the IMU."""
+        """Whether it covers so many scans that the joint estimation reaches the rest by the IMU."""
         return self.seen > FOLLOWING.enough * len(run.recording.scans)
 
     def seen_from(self, position: int) -> Followed | None:
@@ -95,10 +96,10 @@ class Followed:
         return replace(self, reference=position, planes=planes, motions=moved, dropped=dropped)
 
     def worth(self, run: Run) -> float:
-        """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU, and of those
-        that leave a direction open to it.
+        """How many scans a solve can use of it, to compare tracks by: those seen, and half of those that only the IMU carries it
+        over, which lie behind its end or leave a direction open.
 
-        It does so only from start values that some seconds of motion have settled.
+        The latter count only where some seconds of motion have settled the start values that this takes.
         """
         moving = [
             m.position

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.full.initialise.felt import Felt, GyroTurning, Judged, leaps
+from calib_core.full.initialise.felt import GyroAndSteps, GyroTurning, TrackCheck, leaps
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
@@ -29,7 +29,9 @@ def test_steps_add_up_either_way_and_end_where_one_is_not_known() -> None:
     """Mutations: the sign of the way back; one step for several; a gap skipped."""
     nothing = np.zeros(3)
     at = [ScanMotion(k, np.eye(3), nothing, nothing, nothing) for k in range(5)]
-    felt = Felt(_turning(), {0: np.array([1.0, 0.0, 0.0]), 1: np.array([0.0, 2.0, 0.0]), 3: np.array([0.0, 0.0, 4.0])})
+    felt = GyroAndSteps(
+        _turning(), {0: np.array([1.0, 0.0, 0.0]), 1: np.array([0.0, 2.0, 0.0]), 3: np.array([0.0, 0.0, 4.0])}
+    )
     np.testing.assert_array_equal(felt.step([at[0]], 2), [1.0, 2.0, 0.0])
     np.testing.assert_array_equal(felt.step([at[0], at[2]], 0), [-1.0, -2.0, 0.0])
     assert felt.step([at[1]], 3) is None
@@ -49,7 +51,7 @@ def test_the_longest_run_between_faults_is_the_sound_stretch() -> None:
     def stretch(leapt: list[int], astray: list[int]) -> list[int]:
         wrong = np.isin(np.arange(19), astray)
         steps: Any = SimpleNamespace(step=np.arange(19), astray=wrong)
-        return [m.position for m in Judged(ROTATION, steps, motions, np.array(leapt, np.int64)).sound_stretch]
+        return [m.position for m in TrackCheck(ROTATION, steps, motions, np.array(leapt, np.int64)).sound_stretch]
 
     assert stretch([3], [9, 15]) == [4, 5, 6, 7, 8, 9]
     assert stretch([3, 4, 15], [9]) == [10, 11, 12, 13, 14, 15]
