@@ -195,16 +195,16 @@ def measure(duration_s: float = DURATION_S, turns: int = TURNS) -> list[Metric]:
         return metrics_of(min(passes), apart, solve, ideal, inspect, bag.stat().st_size / 1e6)
 
 
-def _again(recording: Recording, kept_in: Path, turns: int) -> tuple[float, float]:
+def _again(recording: Recording, cache_dir: Path, turns: int) -> tuple[float, float]:
     """Seconds of a second solve without the last plane, and of a scan on the page, the quickest of some turns each."""
     from app.scene.build import Solved, solved_stage
     from app.scene.inspect import Look, Motions, build_inspection
 
-    first = api.calibrate(recording, kept_in=kept_in)
+    first = api.calibrate(recording, cache_dir=cache_dir)
     if first.trajectory is None or first.result.T_imu_lidar is None:
         raise SystemExit(f"The {SCENARIO} of the passes was not calibrated.")
     fewer = [replace(patch.plane, suggested=True) for patch in api.propose_planes(recording).patches[:-1]]
-    second_s = [_seconds(lambda: api.calibrate(recording, planes=fewer, kept_in=kept_in)) for _ in range(turns)]
+    second_s = [_seconds(lambda: api.calibrate(recording, planes=fewer, cache_dir=cache_dir)) for _ in range(turns)]
     planes = first.result.quality.planes
     T_imu_lidar = np.array(first.result.T_imu_lidar.matrix, dtype=np.float64)
     solved = Solved(first.trajectory, planes, list(range(len(planes))), T_imu_lidar)

@@ -5,6 +5,16 @@
     calibration.result.status, calibration.result.T_imu_lidar
     text = api.export(calibration.result, "fast-lio")
 
+Frames, signs and units are those of `calib_core/CONVENTIONS.md`. The map frame is the lidar frame at the first used scan's first
+point; `Recording`, `Scan`, `Plane`, `Trajectory` and the like are in `calib_core/types.py`.
+
+`inspect`, `load`, `deskew` and `simulate` work on files; what works on a `Recording` takes one that `load` has read. Two
+arguments come again and again: `on_event` is called on the caller's thread with every event (`calib_core/events.py`);
+`should_cancel` is asked between scans and iterations, and where it returns True, `Cancelled` is raised.
+
+Errors are those of `calib_core/errors.py`, each with one sentence for a person: `InputError` and those derived from it where the
+call or a file is at fault. A recording that does not give an answer is no error: the result's `status` is `refused` then.
+
 One file, however long: a caller sees every door in it, and each is a signature and a line. A function imports what it needs
 when it is called: SciPy and Open3D take their time, and `unsweep --help` needs neither.
 """
@@ -19,8 +29,8 @@ from contextlib import AbstractContextManager, ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
-from calib_core.documents import initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.input_files import make_initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, ReadSettings
 from calib_core.types import (
@@ -68,9 +78,9 @@ __all__ = [
     "grow_plane",
     "ideal_lasers",
     "ideal_readings",
-    "initial_guess",
     "inspect",
     "load",
+    "make_initial_guess",
     "map_points",
     "parse_extrinsic",
     "propose_planes",
@@ -97,12 +107,15 @@ def inspect(
     *,
     on_event: OnEvent = ignore_event,
     on_report: OnReport | None = None,
-    kept_in: Path | None = None,
+    cache_dir: Path | None = None,
     should_cancel: ShouldCancel = never_cancel,
 ) -> DoctorReport:
     """Everything needed to know whether the recording at `path` can be calibrated, with a verdict.
 
-    on_report: told what is known on the way, in reports that are not `final`.   kept_in: folder for what `foresight` reads.
+    on_report: called with what is known so far, in reports that are not `final`, before the whole one is returned.
+    cache_dir: folder in which the forecast is kept for `foresight`; None: it is not kept.
+    Raises UnreadableRecording where the recording cannot be opened, InputError where `settings` do not fit it, Cancelled. What
+    keeps it from being calibrated is in the report.
     """
     from calib_core import doctor
 
@@ -111,16 +124,20 @@ def inspect(
         settings or ReadSettings(),
         on_event=on_event,
         on_report=on_report,
-        kept_in=kept_in,
+        cache_dir=cache_dir,
         should_cancel=should_cancel,
     )
 
 
-def foresight(kept_in: Path) -> Foresight | None:
-    """By what the forecast's standard deviations grow with fewer planes, of the `inspect` that kept it; None where none did."""
+def foresight(cache_dir: Path) -> Foresight | None:
+    """How the forecast's standard deviations change with the choice of planes: `foresight(folder).growth(places)` are the factors
+    by which those of the seven grow where only the proposed planes at these places count.
+
+    cache_dir: as it was given to `inspect`.   None where no `inspect` has kept a forecast there.
+    """
     from calib_core.full.foresight import kept_foresight
 
-    return kept_foresight(kept_in)
+    return kept_foresight(cache_dir)
 
 
 #: SciPy's parts in the order in which a solve comes to them. None is imported above a module: each waits for its first use.
@@ -128,10 +145,10 @@ _LATER = ("scipy.special", "scipy.spatial", "scipy.ndimage", "scipy.fft", "scipy
 
 
 def get_ready(*, aside: bool = True) -> None:
-    """Import what `calibrate` needs on a thread of its own, while a recording is being read: a second saved.
+    """Import what `calibrate` needs in the background, while a recording is being read: it saves a second. Never needed.
 
-    For a process of one calibration: what is there once all is imported is never again looked through for rings of garbage.
-    aside: False imports on this thread, for a process that others are forked from, which must have one only.
+    For a process that makes one calibration: what has been allocated by then is left out of garbage collection for good.
+    aside: False imports on the caller's thread, for a process that is forked from later and must have one thread only.
     """
     collecting = gc.isenabled()
     gc.disable()  # modules stay: to look through them again and again while there come more takes an eighth of that second
@@ -165,7 +182,11 @@ def load(
 ) -> Recording:
     """The lidar and the IMU of the recording at `path`, decoded, in SI units, each point with its own time.
 
+    path: a ROS 1 bag, a ROS 2 folder, a lone .mcap or .db3, or an archive of one.   settings: which topics and span, how stamps
+    and point times are read; what is None there is detected, and said in the recording's `findings`.
     fingerprint: hash the whole file, for results' provenance; False leaves `sha256` empty, for a quick look.
+    Raises UnreadableRecording, TopicError where no topic or several fit, PointTimeError where clouds have no point times,
+    InputError for what else does not fit, Cancelled.
     """
     from calib_core.readers.load import load as read
 
@@ -188,7 +209,12 @@ def propose_planes(
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> PlaneProposals:
-    """The planes seen while the platform stood still, as patches in the map frame, with the cloud they are in."""
+    """The planes of the recording's reference scan, for a person to choose from, with the cloud that they were found in.
+
+    The reference is the first scan whose planes determine a pose; the scans after it are merged into the cloud as long as the
+    platform stands still. Planes and cloud are in the lidar frame at that scan's first point, largest plane first; no plane is no
+    error. Raises Cancelled.
+    """
     from calib_core.full.odometry import reference_cloud
 
     return reference_cloud.propose_planes(
@@ -197,7 +223,10 @@ def propose_planes(
 
 
 def grow_plane(proposals: PlaneProposals, seed_m: FloatArray) -> PlanePatch | None:
-    """The plane around a point of the cloud; None where there is none.   seed_m: (3,), map frame."""
+    """The plane around a point that a person points at, of those points of the cloud that belong to no plane yet.
+
+    seed_m: (3,) [m], in the frame of the proposals.   None where the points around it are not flat.
+    """
     from calib_core.full.planes import propose
 
     return propose.grow_plane(proposals, seed_m)
@@ -209,14 +238,18 @@ def calibrate(
     *,
     planes: Sequence[Plane] | None = None,
     initial_guess: InitialGuess | None = None,
-    kept_in: Path | None = None,
+    cache_dir: Path | None = None,
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Calibration:
-    """The answer and, unless it was refused, the motion. Without `planes` and `initial_guess` both are found.
+    """The result document and, unless its `status` is `refused`, the lidar's motion.
 
-    kept_in: folder in which the lidar's motion is kept for the next solve of the same recording, which gives the same numbers
-    with it as without.
+    planes: those that count, in the map frame or as `propose_planes` gives them, which is told apart; None: all that are
+    found. Planes that are `suggested` are left out where they turn out to be doubtful, others count whatever they are.
+    initial_guess: where the solve starts, as far as it is known; what is None in it, or without it, is found from the recording.
+    cache_dir: folder in which the lidar's motion is kept for the next solve of the same recording. It saves time and
+    changes no number.
+    Raises SettingsError where settings, planes and guess do not fit one another or the recording, Cancelled.
     """
     from calib_core import calibrate as estimator
 
@@ -225,7 +258,7 @@ def calibrate(
         settings or CalibrateSettings(),
         planes=planes,
         initial_guess=initial_guess,
-        kept_in=kept_in,
+        cache_dir=cache_dir,
         on_event=on_event,
         should_cancel=should_cancel,
     )
@@ -240,7 +273,12 @@ def audit(
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> AuditReport:
-    """A given extrinsic held against what the recording says by itself: difference, sigmas and verdict per axis."""
+    """A given extrinsic compared with what the recording says by itself: difference, sigmas and verdict per axis.
+
+    The recording is calibrated with `settings`, without the given extrinsic as a start.   limits: the differences up to
+    which an axis passes; None: those beyond which a result of ours is `weak`.   Raises SettingsError and Cancelled, as
+    `calibrate` does.
+    """
     from calib_core.audit import run
     from calib_core.audit.limits import Limits as AllLimits
 
@@ -257,9 +295,11 @@ def audit(
 def read_extrinsic(
     path: str | Path, *, direction: Direction = "imu_lidar", frames: tuple[str, str] = ("", "")
 ) -> GivenExtrinsic:
-    """The extrinsic in another program's file.
+    """The extrinsic in a file of ours or of another program, as T_imu_lidar; `calib_core/audit/given.py` lists the forms.
 
-    direction: of bare numbers.   frames: the IMU's and the lidar's, to find them in a URDF.
+    direction: which way bare numbers lead, of which nobody else can tell; "imu_lidar" for T_imu_lidar.
+    frames: names of the IMU's and the lidar's link, to find them in a URDF.
+    Raises InputError where the file cannot be read or holds no extrinsic.
     """
     from calib_core.audit import given
 
@@ -267,7 +307,10 @@ def read_extrinsic(
 
 
 def extrinsic_text(path: str | Path) -> tuple[str, bool]:
-    """What is in another program's file, and whether `parse_extrinsic` needs the recording's frames for it."""
+    """The text of a file with an extrinsic, and whether `parse_extrinsic` needs the recording's frames for it, as for a URDF.
+
+    For who has no recording yet when the file is read. Raises InputError where it cannot be.
+    """
     from calib_core.audit import given
 
     text = given.extrinsic_text(Path(path))
@@ -277,14 +320,14 @@ def extrinsic_text(path: str | Path) -> tuple[str, bool]:
 def parse_extrinsic(
     text: str, *, direction: Direction = "imu_lidar", frames: tuple[str, str] | None = None
 ) -> GivenExtrinsic:
-    """The same from a text."""
+    """The extrinsic in a text that `extrinsic_text` has read, or somebody has typed; otherwise as `read_extrinsic`."""
     from calib_core.audit import given
 
     return given.parse_extrinsic(text, direction=direction, frames=frames or ("", ""))
 
 
 def read_limits(path: str | Path) -> Limits:
-    """Limits of one's own for an audit."""
+    """The limits for an audit in a JSON file, of rotation [deg], translation [mm] and time offset [ms]. Raises SettingsError."""
     from calib_core.audit import limits
 
     return limits.read_limits(Path(path))
@@ -302,11 +345,14 @@ def deskew(
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> int:
-    """Write the recording at `path` to `out` with the motion taken out of every scan; the number of scans.
+    """Write the recording at `path` to `out` with the motion taken out of every scan; returns the number of scans.
 
-    out: without suffix a folder of .ply or .pcd files, else a bag of the same kind.   map_out: .ply or .pcd for the
-    accumulated map beside it.   correct_lasers: take out what the calibration found of the lasers (offsets and scales of
-    ranges, angles), too, of scans and map.
+    result: the calibration to do it with, which is held.   out: without suffix a folder of .ply or .pcd files (`cloud_format`),
+    else a bag of the same kind as the recording.   map_out: .ply or .pcd file for the accumulated map; None: no map.
+    correct_lasers: correct the points, of scans and map, by what the calibration found of the lasers (offsets and scales of
+    ranges, angles).
+    Raises InputError where the recording cannot be read, `out` cannot be written, the result is `refused`, or there is no motion
+    to lay a map with; Cancelled. Neither scans nor map are left behind then.
     """
     from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector
     from calib_core.readers.container.unpacked import kept_unpacked
@@ -360,9 +406,10 @@ def room_map(
     correct: Callable[[Scan], Scan] | None = None,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Room:
-    """The room as one cloud in the map frame, strays left out, with normals towards the lidar; Open3D's work.
+    """The room as one cloud in the map frame, one return a voxel, without stray points, with normals towards the lidar.
 
-    correct: what is done to a scan's points before, as taking the lasers' errors out of them.
+    Of the scans that the trajectory covers.   voxel_m: the voxels' edge.   correct: applied to each scan first, as to take the
+    lasers' errors out of it.   Raises InputError where the trajectory covers no scan, Cancelled.
     """
     from calib_core.maps import room
 
@@ -371,28 +418,31 @@ def room_map(
 
 
 def room_mesh(room: Room, *, triangles: int | None = None) -> Mesh:
-    """The room's surface, where it was seen, of at most so many triangles."""
+    """The room's surface as a triangle mesh, map frame, cut back to where points are.
+
+    triangles: at most so many; None: as many as it has.   Raises InputError where there are too few points for one.
+    """
     from calib_core.maps import surface
 
     return surface.mesh_of(room.cloud, room.normals, triangles=triangles)
 
 
 def read_cloud(path: str | Path) -> StructArray:
-    """The points of a .ply or .pcd file with all their fields."""
+    """The points of a .ply or .pcd file, (N,) structured, with all their fields. Raises InputError."""
     from calib_core.maps import files
 
     return files.read_cloud(Path(path))
 
 
 def deskew_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
-    """(N, 3) [m]: the scan's points in the lidar frame at its first point's time."""
+    """(N, 3) [m]: the scan's points in the lidar frame at its first point's time, the sweep's motion taken out."""
     from calib_core import deskew
 
     return deskew.deskew_points(scan, trajectory)
 
 
 def map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
-    """(N, 3) [m]: the scan's points in the map frame."""
+    """(N, 3) [m]: the scan's points in the map frame, each moved by the pose at its own time."""
     from calib_core import deskew
 
     return deskew.map_points(scan, trajectory)
@@ -406,49 +456,61 @@ def raw_map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
 
 
 def covers(trajectory: Trajectory, scan: Scan) -> bool:
-    """Whether the motion is known, and not bridged, all through the sweep: what may be measured of it, and laid into a map."""
+    """Whether the trajectory is valid all through the sweep, not bridged across a gap: only then the scan belongs into a map, or
+    into a measurement.
+    """
     from calib_core.maps import accumulate
 
     return accumulate.covers(trajectory, scan)
 
 
 def ideal_lasers(result: CalibrationResult) -> Lasers | None:
-    """What the result's solve took out of the lidar's points, to take it out again; None where it took nothing."""
+    """The lidar's own errors (ranges, angles) that the result's solve has estimated, to correct a scan's points by; None where it
+    has estimated none.
+    """
     from calib_core.full.assess import own_errors
 
     return own_errors.ideal_lasers(result)
 
 
 def ideal_readings(recording: Recording, result: CalibrationResult) -> ImuData:
-    """The IMU's readings without what the result's solve took out of them: its own scales, axes and delay, the clocks' rate."""
+    """The IMU's readings corrected by what the result's solve has estimated of the IMU (scales, axes, delay) and of the clocks'
+    rate. Biases stay in.
+    """
     from calib_core.full.assess import own_errors
 
     return own_errors.ideal_readings(recording, result)
 
 
 def without_spans(recording: Recording, spans_s: Sequence[tuple[float, float]]) -> Recording:
-    """The recording without the scans that touch a span, as a solve with `excluded_spans_s` sees it."""
+    """The recording without the scans that touch a span, as a solve with `excluded_spans_s` sees it; the IMU keeps its readings.
+
+    spans_s: (start, end) in seconds after the first scan.   Raises SettingsError where no scan is left.
+    """
     from calib_core.full.prepare import excluded_spans as exclude
 
     return exclude.without_spans(recording, spans_s)
 
 
 def sharing_archives(folder: Path) -> AbstractContextManager[None]:
-    """While it lasts, archives are unpacked into `folder`, once for all processes that name it, and stay there."""
+    """A context in which archives are unpacked into `folder`, once for all processes that name it, and stay there afterwards."""
     from calib_core.readers.container import unpacked
 
     return unpacked.sharing(folder)
 
 
 def discard_archives(folder: Path) -> bool:
-    """Remove what was unpacked into a shared folder; False, and nothing removed, while somebody reads it."""
+    """Remove what `sharing_archives` has unpacked into a folder; returns False, and removes nothing, while a process reads it."""
     from calib_core.readers.container import unpacked
 
     return unpacked.discard(folder)
 
 
 def export(result: CalibrationResult, name: str) -> str:
-    """The extrinsic, or what was found of the sensors, as the program called `name` wants it: text of one of its own files."""
+    """The extrinsic, or what was found of the sensors, as another program wants it: the text of one of that program's own files.
+
+    name: one of `export_names()`.   Raises InputError where there is no such name, or the result has not what it needs.
+    """
     from calib_core import exporters
 
     return exporters.export(result, name)
@@ -477,10 +539,12 @@ def simulate(
     should_cancel: ShouldCancel = never_cancel,
     **wishes: Unpack[Take],
 ) -> Path:
-    """Write a recording with known truth to `out`; the path of the truth beside it.
+    """Write a recording with known truth to `out`; returns the path of the truth, a JSON file beside it.
 
+    scenario: one of `scenarios()`.   out: .bag for ROS 1, .mcap, or without suffix a ROS 2 folder.
     wishes: seed, mounting, time_offset_s, duration_s and the like; see `calib_core.simulate.wishes`.
     faults: names with commas between them, each with a size if wanted, such as `industrial` or `laser-offsets=0.008`.
+    Raises SettingsError where scenario, faults or `out` are not as said, Cancelled.
     """
     from calib_core import simulate as simulator
 

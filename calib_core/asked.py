@@ -12,16 +12,8 @@ from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.planes.settings import PATCHES
 from calib_core.planes.same import same_surface
-from calib_core.settings import CalibrateSettings
+from calib_core.settings import OBEYED_BY_PAPER, CalibrateSettings
 from calib_core.types import InitialGuess, Level, Plane, Recording
-
-#: What the published method obeys; everything else is the default method's. Of an IMU's noise it takes the range's alone.
-_PUBLISHED = frozenset(
-    {
-        "method", "points_per_plane_per_scan", "field_of_view_deg", "gravity", "random_seed", "crispness",
-        "excluded_spans_s",
-    }
-)  # fmt: skip
 
 
 def check_priors(settings: CalibrateSettings, guess: InitialGuess | None) -> None:
@@ -40,7 +32,7 @@ def say_unused(settings: CalibrateSettings, on_event: OnEvent) -> None:
     unused = [
         name.replace("_", " ")
         for name in CalibrateSettings.model_fields
-        if name not in _PUBLISHED and getattr(settings, name) != getattr(defaults, name)
+        if name not in OBEYED_BY_PAPER and getattr(settings, name) != getattr(defaults, name)
     ]
     if settings.range_std_m is not None:
         unused = [name if name != "imu noise" else "imu noise but for the range's" for name in unused]

@@ -3,116 +3,25 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 import numpy as np
 
-from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel
 from calib_core.geometry import euler_xyz_deg, quaternion_xyzw, transform_matrix
+from calib_core.method import Answer
 from calib_core.pace import rate_hz
 from calib_core.result import (
     CalibrationResult,
-    Evidence,
-    GyroscopeAxes,
-    Intrinsic,
     Message,
     Observability,
-    PlaneQuality,
     Provenance,
     Quality,
     RecordingProvenance,
     Transform,
     Uncertainty,
-    WeakDirection,
 )
-from calib_core.settings import Axis, CalibrateSettings, ImuNoise
-from calib_core.types import FloatArray, InitialGuess, Plane, Recording, Trajectory
-
-
-class Heard:
-    """What is said on the way to one answer, each sentence once; all events go on to the listener.
-
-    messages: so far, those before included.
-    """
-
-    def __init__(self, on_event: OnEvent, before: Sequence[Message]) -> None:
-        self._on_event = on_event
-        self.messages = list(before)
-
-    def __call__(self, event: Event) -> None:
-        if isinstance(event, LogEvent):
-            message = Message(code=event.code, level=event.level, text=event.text)
-            if message not in self.messages:  # a second attempt finds again what the first one did
-                self.messages.append(message)
-        self._on_event(event)
-
-    def said_so_far(self) -> list[Message]:
-        """A copy of the messages."""
-        return list(self.messages)
-
-    def unsay(self, before: Sequence[Message]) -> None:
-        """Back to what was said before: what an attempt that led nowhere has said, or retracted, is not true of the answer."""
-        self.messages[:] = before
-
-    def retract(self, codes: Collection[str]) -> None:
-        """Forget what was said under these codes: whoever said it looks again."""
-        self.messages[:] = [message for message in self.messages if message.code not in codes]
-
-
-@dataclass(frozen=True)
-class Question:
-    """What is asked of a recording, of either method.
-
-    planes: in the map frame; None: found.   kept_in: folder in which the lidar's motion is kept for the next solve.
-    """
-
-    settings: CalibrateSettings
-    planes: Sequence[Plane] | None
-    guess: InitialGuess | None
-    kept_in: Path | None
-    on_event: OnEvent
-    should_cancel: ShouldCancel
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What a method has found, before it is a document.
-
-    R_imu_lidar (3, 3), p_imu_lidar (3,) [m], time_offset_ns: the calibration.   covariance: (7, 7) of it, in the
-    contract's order.   rms_m: of all points used.   planes: in the map frame.   remarks: what the document is to say.
-    clock_rate_ppm: value and standard deviation.
-    """
-
-    R_imu_lidar: FloatArray
-    p_imu_lidar: FloatArray
-    time_offset_ns: int
-    gyro_bias_rad_s: FloatArray
-    accel_bias_m_s2: FloatArray
-    gravity_m_s2: float
-    gravity_std_m_s2: float
-    covariance: FloatArray
-    is_weak: bool
-    weak_axes: tuple[Axis, ...]
-    weak_directions: tuple[WeakDirection, ...]
-    advice: tuple[str, ...]
-    rms_m: float
-    points_used: int
-    scans_used: int
-    scans_total: int
-    planes: tuple[PlaneQuality, ...]
-    iterations: int
-    trajectory: Trajectory
-    remarks: tuple[Message, ...]
-    intrinsics: tuple[Intrinsic, ...] = ()
-    imu_frame: str = ""
-    gyroscope_axes: GyroscopeAxes | None = None
-    clock_rate_ppm: tuple[float, float] | None = None
-    time_offset_at_s: float | None = None
-    imu_noise: ImuNoise | None = None
-    evidence: Evidence | None = None
+from calib_core.settings import CalibrateSettings
+from calib_core.types import Recording
 
 
 def document(

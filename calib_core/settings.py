@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
@@ -12,7 +13,7 @@ from calib_core.intrinsics import Block
 #: Of the calibration: rotation about the lidar's axes, position along the IMU's, time offset; in this order everywhere.
 Axis = Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
 
-#: The published algorithm's own choices, used with `method="paper"` where nothing else is asked for.
+#: The published algorithm's own choices: the defaults of `method="paper"`.
 PAPER_POINTS_PER_PLANE_PER_SCAN = 100
 PAPER_FIELD_OF_VIEW_DEG = 45.0
 
@@ -95,6 +96,9 @@ class Prior(_Settings):
     std: float = Field(gt=0)
 
 
+# One flat record for both methods: its keys are the command line's options, the web form's fields and the document's
+# `provenance.settings`. Which of them the published method obeys, and which change nothing of what a second solve takes from the
+# first, is listed below it.
 class CalibrateSettings(_Settings):
     """How the calibration is solved."""
 
@@ -142,6 +146,18 @@ class CalibrateSettings(_Settings):
         """The lidar's noise along the beam where it is given; otherwise it is measured."""
         return self.imu_noise.range_std_m if isinstance(self.imu_noise, ImuNoise) else None
 
+    @model_validator(mode="before")
+    @classmethod
+    def _with_published_defaults(cls, given: object) -> object:
+        """The published method has defaults of its own; they stand in the record, so that a result says what was used."""
+        if isinstance(given, Mapping) and given.get("method") == "paper":
+            published = {
+                "points_per_plane_per_scan": PAPER_POINTS_PER_PLANE_PER_SCAN,
+                "field_of_view_deg": PAPER_FIELD_OF_VIEW_DEG,
+            }
+            return {**published, **given}
+        return given
+
     @field_validator("excluded_spans_s")
     @classmethod
     def _ends_after_start(cls, spans_s: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
@@ -149,3 +165,25 @@ class CalibrateSettings(_Settings):
             if not (math.isfinite(start_s) and math.isfinite(end_s) and start_s < end_s):
                 raise ValueError(f"expected a span that ends after it starts, found {start_s:g} to {end_s:g} s")
         return spans_s
+
+
+#: What `method="paper"` obeys; everything else is the default method's, and said to have no effect (`asked.py`). Of an IMU's
+#: noise it takes the range's alone.
+OBEYED_BY_PAPER = frozenset(
+    {
+        "method", "points_per_plane_per_scan", "field_of_view_deg", "gravity", "random_seed", "crispness",
+        "excluded_spans_s",
+    }
+)  # fmt: skip
+
+#: What changes nothing of how the lidar is followed: a track that is kept serves another solve with other values of these
+#: (`full/initialise/kept_track.py`). What is not listed makes a new track.
+USED_AFTER_TRACKING = frozenset(
+    {
+        "points_per_plane_per_scan", "estimate_time_offset", "estimate_planes", "bias_model", "intrinsics", "priors",
+        "max_rounds", "crispness",
+    }
+)  # fmt: skip
+
+#: The same of the motion before it matters which planes count (`full/joint/kept_motion.py`), where planes are never held.
+USED_AFTER_MOTION = frozenset({"crispness", "estimate_planes"})

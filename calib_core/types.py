@@ -66,7 +66,7 @@ class ImuData:
     """Readings of one IMU in SI units, sorted by stamp, duplicates removed.
 
     stamps_ns: (Q,) int64, IMU clock.   gyro_rad_s, accel_m_s2: (Q, 3), IMU frame; specific force, +g up at rest.
-    stamp_step_ns: of a clock that several readings fell on one tick of, and were spread over it; 0 where stamps are their own.
+    stamp_step_ns: the stamps' tick, where several readings bore one stamp and were spread over it; 0 where each had its own.
     """
 
     stamps_ns: IntArray
@@ -104,7 +104,7 @@ class Scan:
 
 
 class KeptScans(Sequence[Scan]):
-    """Scans that are read where they are kept, by index or slice as a list's are."""
+    """A sequence of scans that lie on disk and are read when they are asked for, by index or slice as those of a list."""
 
     @overload
     def __getitem__(self, item: int) -> Scan: ...
@@ -120,7 +120,7 @@ class KeptScans(Sequence[Scan]):
 
     @abstractmethod
     def scan_at(self, place: int) -> Scan:
-        """The scan at a place from 0 on."""
+        """The scan at a place, 0 to len - 1."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,10 +138,12 @@ class LidarInfo:
 class Recording:
     """One lidar and one IMU over one time span, decoded.
 
-    scans: any sequence (a list, or one backed by a file on disk).
+    scans: in order of their stamps, any sequence (a list, or one backed by a file on disk).
+    sha256: of the whole file; "" where it was not hashed.   duration_s: of the whole recording.   scans_total: how many scans the
+    lidar sent; 0 where nobody has counted.   findings: what was detected about it.   imu_model: a preset's name, or "".
     coarse_offset_ns: seconds-scale guess of the contract's time offset from receive times where the two header clocks
     have different epochs; 0 where they share one. To be ADDED to IMU stamps to express them in the lidar clock.
-    skipped_s: what was left out before the first of these scans, from the first that the whole recording has.
+    skipped_s: time from the first scan that the whole recording has to the first of these.
     """
 
     name: str
@@ -158,7 +160,7 @@ class Recording:
 
     @property
     def middle_s(self) -> float:
-        """Of its first and last scan, from the start of the whole recording."""
+        """Time half way from the first to the last of its scans, counted from the first scan of the whole recording."""
         return self.skipped_s + 0.5e-9 * (self.scans[-1].stamp_ns - self.scans[0].stamp_ns)
 
 
@@ -183,7 +185,7 @@ class PlanePatch:
     """A detected plane with what a person needs to judge it.
 
     outline_m: (K, 3) corners of its seen extent, map frame, in order.   rms_m: of its points' distances.
-    n_points: inliers.   confirmed: part of the set that the solve will use.
+    n_points: inliers.   area_m2: of the cells that they fill.   confirmed: part of the set that the solve will use.
     """
 
     plane: Plane
@@ -229,7 +231,7 @@ class Trajectory:
 
     epoch_ns: subtracted from lidar stamps to get times_s.   times_s: (K,) lidar clock.
     R_map_lidar: (K, 3, 3), p_map_lidar: (K, 3) [m].   valid: (K,) False where nothing supports the pose (bridged gap).
-    late_ns: of scans that were taken before their stamp says, by stamp: how late it is. Times are those at which they were.
+    late_ns: by stamp_ns of a scan, how late that stamp is where a host stamped it; times_s are those at which points were taken.
     """
 
     epoch_ns: int

@@ -78,11 +78,11 @@ class JobStates:
             self._line.has_moved()
         self.tell(record)
 
-    def move(
-        self, job_id: str, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
-    ) -> JobRecord:
-        """Into its next state, told. Raises IllegalTransition, NotFound, DiskFull."""
-        record = self.enter(job_id, signal, outcome_json=outcome_json, error_json=error_json)
+    def move(self, job_id: str, signal: Signal) -> JobRecord:
+        """Into its next state, told; an ending with an outcome or an error is `enter`'s. Raises IllegalTransition, NotFound,
+        DiskFull.
+        """
+        record = self.enter(job_id, signal)
         self.tell(record)
         return record
 

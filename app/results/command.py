@@ -16,8 +16,6 @@ from app.storage.records import RecordingRecord
 from calib_core.result import CalibrationResult
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
-    PAPER_FIELD_OF_VIEW_DEG,
-    PAPER_POINTS_PER_PLANE_PER_SCAN,
     CalibrateSettings,
     Gravity,
     ImuNoise,
@@ -100,13 +98,12 @@ def _reading_words(reading: ReadSettings) -> list[str]:
 
 
 def _solving_words(settings: CalibrateSettings) -> list[str]:
-    defaults = CalibrateSettings()
-    paper = settings.method == "paper"
-    words = ["--method", "paper"] if paper else []
+    defaults = CalibrateSettings(method=settings.method)
+    words = ["--method", "paper"] if settings.method == "paper" else []
     points, angle_deg = settings.points_per_plane_per_scan, settings.field_of_view_deg
-    if points != (PAPER_POINTS_PER_PLANE_PER_SCAN if paper else None):
+    if points != defaults.points_per_plane_per_scan:
         words += ["--points-per-plane-per-scan", "all" if points is None else str(points)]
-    if angle_deg != (PAPER_FIELD_OF_VIEW_DEG if paper else None):
+    if angle_deg != defaults.field_of_view_deg:
         words += ["--field-of-view-deg", "180" if angle_deg is None else f"{angle_deg:.10g}"]
     words += _sensor_words(settings)
     for start_s, end_s in settings.excluded_spans_s:

@@ -98,7 +98,7 @@ def run_inspect(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) ->
             order.read_settings,
             on_event=on_event,
             on_report=on_report,
-            kept_in=foresight_folder(order.cache),
+            cache_dir=foresight_folder(order.cache),
             should_cancel=should_cancel,
         )
     )
@@ -136,7 +136,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         wish.settings,
         planes=planes,
         initial_guess=_guess(wish.initial_guess),
-        kept_in=order.cache / "track",
+        cache_dir=order.cache / "track",
         on_event=steps,
         should_cancel=should_cancel,
     )
@@ -224,7 +224,7 @@ def _plane(plane: OrderedPlane) -> Plane:
 
 
 def _guess(wire: WireGuess | None) -> InitialGuess | None:
-    return None if wire is None else api.initial_guess(wire.matrix, wire.time_offset_s, where="the initial guess")
+    return None if wire is None else api.make_initial_guess(wire.matrix, wire.time_offset_s, where="the initial guess")
 
 
 def _write(path: Path, text: str) -> None:

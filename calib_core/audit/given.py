@@ -22,8 +22,8 @@ from typing import Literal
 
 import numpy as np
 
-from calib_core.agreement import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
 from calib_core.audit.pose import FORMS, GivenExtrinsic, Instant, inverse, transform_of, unfit
+from calib_core.contradictions import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
 from calib_core.errors import InputError
 from calib_core.geometry import ROTATION_TOLERANCE
 from calib_core.types import FloatArray

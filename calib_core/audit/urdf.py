@@ -10,8 +10,8 @@ import xml.etree.ElementTree as ET
 
 import numpy as np
 
-from calib_core.agreement import poses_apart
 from calib_core.audit.pose import GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.contradictions import poses_apart
 from calib_core.types import FloatArray
 
 _IMU_WORDS = ("imu",)

@@ -12,6 +12,7 @@ import numpy as np
 from calib_core.doctor.sampling import SampledScans
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
+from calib_core.readers.cloud_reading import cloud_reading
 from calib_core.readers.clouds.cloud import RawCloud, points_mark
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import Layout, recognise_layout
@@ -23,17 +24,13 @@ from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, p
 from calib_core.readers.imu.messages import ImuCollector, RawImu
 from calib_core.readers.imu.readings import CleanedImu, clean_imu
 from calib_core.readers.one_clock import longest_stretch, order_findings
-from calib_core.readers.rays import where_rays_meet
 from calib_core.readers.reading import sample_clouds
-from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import OrderCounts, ScanCounts, make_scan, once_a_stamp
 from calib_core.readers.senders import Sender, require_one_lidar, sender_of, usual_frame
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming, scan_period_s
 from calib_core.readers.timing.stamps import plausible_stamps
-from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
-from calib_core.readers.twice import once_each
 from calib_core.settings import ReadSettings
 from calib_core.threads import MOST_THREADS, workers
 from calib_core.types import Finding, Scan
@@ -108,13 +105,11 @@ def detect(
     state.period_s = scan_period_s(sample)
     state.parts = parts_of_a_scan(state.period_s, sample)
     try:
-        state.decoder, state.timing, found = point_timing(
+        clouds = cloud_reading(
             sample, state.decoder, settings, topic=state.lidar_topic.name, help_text=state.layout.help_text
         )
-        state.decoder, twice = once_each(sample, state.decoder, state.timing, settings, state.lidar_topic.name)
-        state.decoder, rows = by_rows(sample, state.decoder, state.lidar_topic.name)
-        rays = where_rays_meet(sample, state.lidar_topic.name)
-        state.findings.extend((*found, *twice, *rows, *rays))
+        state.decoder, state.timing = clouds.decoder, clouds.timing
+        state.findings.extend(clouds.findings)
     except InputError as error:
         state.problems.append(error)
 

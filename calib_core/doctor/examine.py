@@ -47,13 +47,13 @@ def inspect(
     *,
     on_event: OnEvent = ignore_event,
     on_report: OnReport | None = None,
-    kept_in: Path | None = None,
+    cache_dir: Path | None = None,
     should_cancel: ShouldCancel = never_cancel,
 ) -> DoctorReport:
     """Everything needed to know whether this recording can be calibrated.
 
     on_report: told what is known on the way: once some clouds are looked at, and once all is read, before the forecast is made.
-    kept_in: folder for what tells how the forecast changes with the choice of planes (full/foresight.py).
+    cache_dir: folder for what tells how the forecast changes with the choice of planes (full/foresight.py).
     Raises InputError only where the recording cannot be opened or the settings do not fit it.
     """
     on_event(StageEvent(stage="inspect", fraction=0.0, text=f"opening {path.name}"))
@@ -75,10 +75,10 @@ def inspect(
         if on_report is not None:
             on_report(_report(state, recording, sensors, final=False))
         ahead = _look_ahead(state, recording, settings, offset_ns, on_event, should_cancel)
-        if kept_in is not None:
+        if cache_dir is not None:
             from calib_core.full.foresight import keep_foresight
 
-            keep_foresight(kept_in, ahead.foresight)
+            keep_foresight(cache_dir, ahead.foresight)
         report = _report(state, recording, sensors, ahead)
     on_event(StageEvent(stage="inspect", fraction=1.0, text=f"verdict: {report.verdict}"))
     return report

@@ -34,7 +34,6 @@ def imu_report(
     receive_ns: IntArray,
     recording_start_ns: int,
     units: tuple[str, str],
-    wanted_preset: str = "",
 ) -> ImuReport:
     """The report of one IMU; its still spans in the recording's seconds.
 
@@ -46,7 +45,7 @@ def imu_report(
     spans = still_spans(imu)
     lag_ns = int(np.median(receive_ns - header_ns)) if header_ns.size else 0
     start_s = (int(imu.stamps_ns[0]) + lag_ns - recording_start_ns) * 1e-9
-    preset = find_imu_preset(wanted_preset, imu.topic, imu.frame_id)
+    preset = find_imu_preset(imu.topic, imu.frame_id)
     shown_preset = preset or GENERIC_IMU
     measured = measured_noise(imu)
     shown = tuple(Span(start_s=round(s.start_s + start_s, 3), end_s=round(s.end_s + start_s, 3)) for s in spans)

@@ -1,7 +1,11 @@
-"""What is tried until a joint estimation gives an answer: over all of the recording or over what was followed alone, with the
-sensors as their data sheets have them, as any may be, or held; and what shows only at its end.
+"""The joint estimation and the assessment, tried in other ways until they give an answer.
 
-An attempt that leads nowhere has said nothing: `Run.attempt` takes back what it has.
+    answered                the whole; where data sheets promise too much of a sensor, again with wider priors of its parameters
+      solve                 the joint estimation; where propagation spoils it, of the followed scans alone
+      judged, weighed       what of it is known; what shows only at the end (`assess/late.py`) is let in, and it goes on
+      with_sensors_held     where the sensors' own parameters run away: they are held first, and let go at the end
+
+What an attempt that led nowhere has said is taken back (`Run.attempt`).
 """
 
 from __future__ import annotations
@@ -10,7 +14,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
 from calib_core.full.assess.late import still_show, with_late_blocks
@@ -29,13 +32,14 @@ from calib_core.full.joint.sheets import beyond_by, beyond_sheets, say_beyond, w
 from calib_core.full.joint.solve import estimate_chosen, estimate_further, estimate_jointly, motion_by_all
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
+from calib_core.method import Answer
 from calib_core.settings import CalibrateSettings
 from calib_core.types import InitialGuess, Plane
 
 
 @dataclass(frozen=True)
-class Motion:
-    """A motion that all structure has told, the problem that it was told in, and the track's planes."""
+class MotionByAll:
+    """The motion by all planes that were followed, chosen or not: what is known then, the problem it was found in, the track."""
 
     data: JointData
     state: Estimation
@@ -46,9 +50,10 @@ class Motion:
 class Task:
     """A joint estimation that is to be done.
 
-    followed: the lidar's track, with the planes that count.   lidar, start, guess: what it begins with.   motion: of which these
-    planes are a choice; None where they tell it themselves.   kept: where that motion is kept for the next solve with
-    these `settings`, None for nowhere.
+    followed: the lidar's track, with the planes that count.   lidar, start: the track as arrays, and the start values.
+    guess: what is known beforehand; None for nothing.   settings: the caller's, as attempts change those of the run.
+    motion: the motion by all planes that were followed, where those that count are a choice among them; None: it is found by
+    those that count.   kept: where that motion is kept for the next solve with these `settings`; None for nowhere.
     """
 
     followed: Followed
@@ -57,23 +62,26 @@ class Task:
     guess: InitialGuess | None
     settings: CalibrateSettings
     schedule: Schedule = FULL
-    motion: Motion | None = None
+    motion: MotionByAll | None = None
     kept: KeptMotion | None = None
 
     def counting(
         self, schedule: Schedule, planes: Sequence[Plane], late: Sequence[bool] = (), dropped: Sequence[Plane] = ()
     ) -> Task:
-        """The same with these planes. late: which of them came into view.   dropped: what shall not come into view again."""
+        """The same task with these planes. late: which of them came into view on the way.   dropped: those that must not."""
         followed = replace(self.followed, planes=list(planes), late=tuple(late), dropped=list(dropped))
         return replace(self, schedule=schedule, followed=followed)
 
 
 def answered(run: Run, task: Task, further: Callable[[Run], Solved] | None = None) -> Answer:
-    """What is judged of what is solved; where the sensors turn out to be no better than any, by looser priors of theirs: from
-    the end on where every plane counts there, else anew, as narrow priors may have cost a plane.
+    """The answer of a task.
 
-    Where the sensors' own parameters run away, see `with_sensors_held`.   further: from where another came to rest; None for
-    from the start.
+    Where a sensor's own parameters lie beyond what its data sheet allows, all is solved with the wide priors of a sensor that
+    nobody knows: from where the solve came to rest if every plane still counts there, otherwise from the start, as the narrow
+    priors may have cost a plane. Where parameters run away instead, see `with_sensors_held`.
+
+    further: makes a solve out of one that has come to rest; None: the task is solved from the start.
+    Raises Refused where no attempt gives an answer.
     """
     unknown = run.settings.intrinsics not in {"off", "consider"}
     unsay = run.attempt()
@@ -100,10 +108,11 @@ def answered(run: Run, task: Task, further: Callable[[Run], Solved] | None = Non
 
 
 def with_sensors_held(run: Run, task: Task) -> Answer:
-    """The same with the sensors held at their priors, which keeps what would run away with them: let go once all else is known;
-    and where they still run away, held to the end and counted in the error bars.
+    """The answer by a solve with the sensors' own parameters held at their priors, which are let go once all else is known. Where
+    they run away even then, they stay held, and their priors' uncertainty is counted in the error bars.
 
-    Accelerometers that are far apart make them run away: what of this kind shows already is let go along, if it shows then.
+    Accelerometers that are far apart make parameters run away: first the solve goes on with these distances as unknowns, if they
+    show at its end; then without.   Raises Refused where the solve with held sensors gives no answer.
     """
     held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
     without = solve(held, task)
@@ -128,7 +137,9 @@ def with_sensors_held(run: Run, task: Task) -> Answer:
 
 
 def judged(run: Run, solved: Solved, task: Task) -> Answer:
-    """The answer, with what is known by it. Raises Refused where a choice of planes does not hold it, or it cannot be true."""
+    """The answer made of a solve, with its uncertainty. Raises Refused where it cannot be true, or where the planes that a person
+    chose do not hold it.
+    """
     is_choice = task.schedule.chosen
     if is_choice:
         require_sound_choice(solved)
@@ -136,7 +147,9 @@ def judged(run: Run, solved: Solved, task: Task) -> Answer:
 
 
 def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confidence]:
-    """What is known by a solve; gone on with what of the sensors shows only at its end, until nothing more does."""
+    """A solve and what is known of the calibration by it. As long as something of the sensors shows only at the end, the solve
+    goes on with that as an unknown; where that leads nowhere, the one before counts.
+    """
     unsay = run.attempt()
     trust = weigh(run, solved, is_choice=is_choice)
     while (late := with_late_blocks(run, solved, trust.found)) is not None:
@@ -154,8 +167,8 @@ def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confi
     return solved, trust
 
 
-def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> Motion | None:
-    """The motion that all planes tell that were followed, for a choice to begin from; None where they lead nowhere."""
+def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> MotionByAll | None:
+    """The motion by all planes that were followed, from which the solve of a choice among them begins; None where none fits."""
     freely = replace(run, settings=run.settings.model_copy(update={"estimate_planes": True}))
     followed = task.followed
     found = replace(followed, planes=[replace(plane, suggested=True) for plane in followed.planes])
@@ -164,11 +177,13 @@ def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> Motion | Non
         state = kept.recall(run) or motion_by_all(kept.keeping(data), first, FULL)
     except Refused:
         return None
-    return Motion(data, state, followed)
+    return MotionByAll(data, state, followed)
 
 
 def solve(run: Run, task: Task) -> Solved:
-    """The joint estimation; where what it was propagated over spoils it, that of the followed scans alone."""
+    """The joint estimation of a task. Where it gives no plausible answer, and was propagated over scans that the lidar alone
+    could not follow, that of the followed scans alone. Raises Refused.
+    """
     followed, motion, schedule = task.followed, task.motion, task.schedule
     begin_here = partial(begin, run, followed, task.lidar, task.start, task.guess, schedule)
     begun = None

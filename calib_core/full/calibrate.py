@@ -14,34 +14,34 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.document import Answer
 from calib_core.errors import Refused
-from calib_core.full.attempts import Motion, Task, answered, motion_by_everything
+from calib_core.full.attempts import MotionByAll, Task, answered, motion_by_everything
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.kept import follow_or_recall, key_of
+from calib_core.full.initialise.kept_track import follow_or_recall, key_of
 from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, own_and_merged
 from calib_core.full.joint.doubt import face_three_ways
 from calib_core.full.joint.kept_motion import KeptMotion, called_as
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
+from calib_core.method import Answer
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 
 def calibrate_full(
-    run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, kept_in: Path | None = None
+    run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None = None
 ) -> Answer:
     """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
-    found.   guess: what is known beforehand, None for nothing.   kept_in: folder for what the next solve need not do again."""
+    found.   guess: what is known beforehand, None for nothing.   cache_dir: folder for what the next solve need not do again."""
     _say_of_held_planes(run, planes)
     planes, begins = in_the_tracks_frame(run, planes)
-    followed = follow_or_recall(run, planes, kept_in, begins)
+    followed = follow_or_recall(run, planes, cache_dir, begins)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)
     found, followed = named(followed, (), up), named(followed, planes or (), up)
     of_found = Task(found, lidar, start, guess, run.settings)
-    kept = KeptMotion.of(kept_in, key_of(run) if kept_in else "", run, found, lidar, guess)
+    kept = KeptMotion.of(cache_dir, key_of(run) if cache_dir else "", run, found, lidar, guess)
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     if choice is not None:
@@ -57,10 +57,12 @@ def calibrate_full(
 def of_choice(
     run: Run, task: Task, choice: Sequence[Plane], of_found: Task, kept: KeptMotion, up: FloatArray
 ) -> Answer:
-    """With a choice among the planes that were followed: from the motion that all of them tell, as they are called by themselves.
+    """The answer where a person chose among the planes that were followed: all planes tell the motion first, the chosen ones go
+    on from there.
 
-    Where all were chosen by hand they count, whatever they are; else those that nobody insists on are left out where they turn
-    out to be none, and what came into view counts, too.   up: (3,) unit, map.
+    Where all were chosen by hand they count, whatever they are. Otherwise those that nobody insists on are left out where they
+    turn out not to be planes, and planes that came into view on the way count as well.
+    task, of_found: with the planes called as the person calls them, and as the program does.   up: (3,) unit, map frame.
     """
     late, dropped = late_and_dropped(task.followed, choice) if choice else ([], [])
     unsay = run.attempt()
@@ -70,7 +72,7 @@ def of_choice(
     motion = motion_by_everything(run.keeping("planes.found") if all_by_hand else run, of_found, kept)
     if motion is not None:
         state = called_as(motion.state, task.followed.planes, up)
-        task = replace(task, motion=Motion(motion.data, state, task.followed))
+        task = replace(task, motion=MotionByAll(motion.data, state, task.followed))
     by_hand = task.counting(CHOSEN, [replace(plane, suggested=False) for plane in choice], dropped=dropped)
     if all_by_hand:
         return answered(run, by_hand)
@@ -88,8 +90,9 @@ def of_choice(
 
 
 def own_planes(run: Run, followed: Followed, choice: Sequence[Plane], late: Sequence[Plane]) -> list[Plane]:
-    """Those of a choice that are planes of their own, and others are named; all of it where these and what came late do not face
-    three ways."""
+    """The chosen planes without those that are another's in the straightened sweep, which are said; all of the choice where the
+    others, with the late ones, do not face three ways.
+    """
     own, gone = own_and_merged(followed, choice)
     if not face_three_ways(np.array([plane.normal for plane in [*own, *late]])):
         return list(choice)

@@ -1,4 +1,4 @@
-"""What a forecast becomes where some of its planes are left out: the forecast's own problem with the others' points alone.
+"""How a forecast changes with the choice of planes: the forecast's own problem with the points of the chosen ones alone.
 
     growth = std(some of the planes) / std(all of them)
 
@@ -30,8 +30,10 @@ _FILE = "foresight.npz"
 
 @dataclass(frozen=True)
 class Foresight:
-    """The problem of a forecast, of the planes that a solve would use. proposed: so many were proposed.   of_proposal: (P,) which
-    of them each of the problem's is, -1 for what came into view.   share: as `forecast` has it.
+    """The problem of a forecast, about the estimate that it was judged at.
+
+    proposed: how many planes were proposed.   of_proposal: (P,) which of them each plane of the problem is, -1 for one that came
+    into view.   share: of the recording that the problem is of; the rest is taken to say as much a second.
     """
 
     problem: JointProblem
@@ -41,10 +43,10 @@ class Foresight:
     share: float
 
     def growth(self, places: Collection[int]) -> FloatArray:
-        """By what the standard deviations of the seven grow with these planes alone, (7,), at least 1.
+        """(7,) factors, at least 1, by which the calibration's standard deviations grow where these planes alone count.
 
-        places: among the proposals; what comes into view counts in any case. What stays open grows to the standing prior's size;
-        infinite where nothing is left.
+        places: of the planes among the proposals; what comes into view counts in any case. A direction that stays open grows to
+        the standing prior's size; all are infinite where no point is left.
         """
         chosen = set(places) & set(range(self.proposed))
         if len(chosen) == self.proposed:

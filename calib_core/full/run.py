@@ -10,13 +10,13 @@ from functools import partial
 
 import numpy as np
 
-from calib_core.document import Heard
 from calib_core.errors import Cancelled
 from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
 from calib_core.gp.regression import Hyper
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.imu.restored import Restored
 from calib_core.intrinsics import Sensor
+from calib_core.message_log import MessageLog
 from calib_core.settings import CalibrateSettings
 from calib_core.threads import usual_threads
 from calib_core.types import FloatArray, IntArray, Level, Recording
@@ -24,8 +24,10 @@ from calib_core.types import FloatArray, IntArray, Level, Recording
 
 @dataclass(frozen=True, slots=True)
 class StampStep:
-    """whose: the stamps, in words.   step_s: they are multiples of this.   std_s: of the time offset, for it.   spread: 0 to 1,
-    how much of the step the phases of the true instants cover.   count: of stamps that were looked at.
+    """The step of stamps that are cut to whole milliseconds, or to whole ticks of some other clock.
+
+    whose: the stamps, in words.   step_s: they are multiples of this.   std_s: what that adds to the time offset's standard
+    deviation.   spread: 0 to 1, how much of the step the true instants' phases cover.   count: of stamps that were looked at.
     """
 
     whose: str
@@ -46,8 +48,9 @@ class StampStep:
 
 @dataclass(frozen=True, slots=True)
 class LineStd:
-    """How well the line through jittering stamps is known. mean_std_s: the mean of what they are off it, which is part of the
-    time offset.   rate_std_ppm: its slope, which is part of the clocks' rate.
+    """How well the line through jittering stamps is known.
+
+    mean_std_s: of its mean, which is part of the time offset.   rate_std_ppm: of its slope, which is part of the clocks' rate.
     """
 
     mean_std_s: float = 0.0
@@ -137,12 +140,17 @@ class ImuNoiseLevel:
 
 @dataclass(frozen=True)
 class Run:
-    """What every stage needs, as `prepare` leaves it.
+    """What every stage needs, as `prepare` leaves it; handed on unchanged, but for `portion` and what an attempt tries otherwise.
 
-    farthest_m: the longest range that any return has, nearest_m the shortest, 0 where a lidar sees nearer than that.   sieve_m:
-    edge of the cells of which the clouds were left one point each, 0 for none.   restored: readings of the IMU that were lost on
-    the way or cut off, None for none.   training: of the IMU's interpolation, which goes on beside the search for planes.
-    portion: of the running stage, which what is reported now is a fraction of.
+    recording: its IMU's readings at the times at which they were taken, and as far as they were lost or cut off, restored.
+    training: the fit of the IMU's interpolation, on a thread of its own beside the search for planes; `hyper` waits for it.
+    farthest_m, nearest_m: the longest and the shortest range of a sample's returns; nearest_m is 0 where the shortest is too
+    long to be the end of a blind zone.   sieve_m: edge of the voxels by which the clouds were thinned, 0 where they were not.
+    restored: which readings were restored, None for none.
+    threads: how many a stage may use.   portion: the part of the running stage that progress from 0 to 1 stands for now.
+    beyond_sheets: sensors that have shown not to be what their data sheets say, whose priors are wider (`joint/sheets.py`).
+    log: the result's messages, from which what an attempt has said can be taken back; None where there is no result, as in a
+    forecast.
     """
 
     recording: Recording
@@ -159,7 +167,7 @@ class Run:
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
     beyond_sheets: frozenset[Sensor] = frozenset()
-    heard: Heard | None = None
+    log: MessageLog | None = None
 
     @property
     def hyper(self) -> Hyper:
@@ -189,20 +197,20 @@ class Run:
         self.on_event(LogEvent(level=level, code=code, text=text))
 
     def attempt(self) -> Callable[[], None]:
-        """Begin what may lead nowhere: a call of what this returns keeps what was said on that way out of the document. Whoever
-        watches has heard it."""
-        heard = self.heard
-        if heard is None:
+        """Begin what may lead nowhere. Returns a function; a call of it takes what was said since out of the result's messages.
+        Whoever watches has heard it.
+        """
+        if self.log is None:
             return lambda: None
-        return partial(heard.unsay, heard.said_so_far())
+        return partial(self.log.restore, self.log.snapshot())
 
     def retract(self, *codes: str) -> None:
         """Keep out of the document what was said under these codes: it is looked at again."""
-        if self.heard is not None:
-            self.heard.retract(codes)
+        if self.log is not None:
+            self.log.retract(codes)
 
     def keeping(self, code: str) -> Run:
-        """The same run, which keeps one kind of sentence to itself: what it says would not be true of how it is used."""
+        """The same run without the sentences of one code, for who uses it in a way of which they would not be true."""
 
         def tell(event: Event) -> None:
             if not (isinstance(event, LogEvent) and event.code == code):

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.document import Answer, Question
 from calib_core.errors import Refused
 from calib_core.events import LogEvent
 from calib_core.full.assess.observability import assess
 from calib_core.full.assess.weak_sentences import weak_directions
 from calib_core.full.joint.begin import BEGINNING
 from calib_core.full.joint.priors import PriorRow, Priors
+from calib_core.method import Answer, Question
 from calib_core.paper.calibrate import calibrate_paper
 from calib_core.paper.records import PaperSolution
 from calib_core.result import Message, PlaneQuality
@@ -30,13 +30,13 @@ def calibrate_published(recording: Recording, question: Question) -> Answer:
     """The paper's method, with its own defaults (100 points a plane and scan, +-45 deg) where none was set."""
     if any(plane.outline_m is not None for plane in question.planes or ()):
         text = "the published method knows no outlines of planes: theirs are not used; `--method full` uses them"
-        question.on_event(LogEvent(code="planes.outline_unused", level="warning", text=text))
+        question.log(LogEvent(code="planes.outline_unused", level="warning", text=text))
     solution = calibrate_paper(
         recording,
         question.settings,
         planes=question.planes,
         initial_guess=question.guess,
-        on_event=question.on_event,
+        on_event=question.log,
         should_cancel=question.should_cancel,
     )
     if not solution.converged:

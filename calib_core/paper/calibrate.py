@@ -38,7 +38,7 @@ from calib_core.paper.problem import PaperState, covariance_of_calibration
 from calib_core.paper.records import FrontEnd, PaperOptions, PaperSolution
 from calib_core.paper.rounds import Round, expand, reweighted
 from calib_core.paper.solve import Descent, descend
-from calib_core.settings import PAPER_FIELD_OF_VIEW_DEG, PAPER_POINTS_PER_PLANE_PER_SCAN, CalibrateSettings
+from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import solve_arrow
 from calib_core.solver.system import ArrowSystem
 from calib_core.types import Finding, InitialGuess, Plane, Recording
@@ -119,15 +119,9 @@ def solve_tracked(
 
 
 def _selection(settings: CalibrateSettings) -> Selection:
-    """The point cap and field of view: what the caller set, else what the paper used."""
-    said = settings.model_fields_set
-    cap = settings.points_per_plane_per_scan
-    view = settings.field_of_view_deg
-    return Selection(
-        cap if "points_per_plane_per_scan" in said else PAPER_POINTS_PER_PLANE_PER_SCAN,
-        (180.0 if view is None else view) if "field_of_view_deg" in said else PAPER_FIELD_OF_VIEW_DEG,
-        settings.random_seed,
-    )
+    """The point cap and field of view, in degrees to either side."""
+    view_deg = settings.field_of_view_deg
+    return Selection(settings.points_per_plane_per_scan, 180.0 if view_deg is None else view_deg, settings.random_seed)
 
 
 def _check(front: FrontEnd) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from calib_core.counts import counted
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.presets import find_imu_preset, find_lidar_preset
+from calib_core.readers.cloud_reading import cloud_reading
 from calib_core.readers.clouds.decoders import cloud_decoder
 from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.readers.clouds.layouts import recognise_layout
@@ -22,16 +23,12 @@ from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.one_clock import on_one_clock
-from calib_core.readers.rays import where_rays_meet
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
-from calib_core.readers.rows import by_rows
 from calib_core.readers.scans import StoredScans
 from calib_core.readers.senders import usual_frame
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
-from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_imu, choose_lidar
-from calib_core.readers.twice import once_each
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, LidarInfo, Recording
 
@@ -89,12 +86,8 @@ def _load_open(
     decoder = cloud_decoder(lidar_topic, settings.stamps)
     sample = sample_clouds(recording, lidar_topic, decoder, span)
     layout = recognise_layout(sample[0], lidar_topic.name)
-    decoder, timing, findings = point_timing(
-        sample, decoder, settings, topic=lidar_topic.name, help_text=layout.help_text
-    )
-    decoder, twice = once_each(sample, decoder, timing, settings, lidar_topic.name)
-    decoder, rows = by_rows(sample, decoder, lidar_topic.name)
-    rays = where_rays_meet(sample, lidar_topic.name)
+    clouds = cloud_reading(sample, decoder, settings, topic=lidar_topic.name, help_text=layout.help_text)
+    findings = clouds.findings
     frame_id = usual_frame(sample)
     preset = find_lidar_preset(lidar_topic.name, frame_id, layout.name)
     model = "" if preset is None else preset.name
@@ -107,7 +100,9 @@ def _load_open(
         gathering = Gathering(lasting_ns(parts, cloud_s))
         findings = (*findings, gathered_finding(lidar_topic.name, parts, cloud_s))
         info = replace(info, period_s=parts * cloud_s)
-    reading = Reading(recording, settings, decoder, timing, on_event, should_cancel, gathering, scans=scans)
+    reading = Reading(
+        recording, settings, clouds.decoder, clouds.timing, on_event, should_cancel, gathering, scans=scans
+    )
     reading.run(lidar_topic, imu_topic, span)
     first_ns = reading.receive_ns[0] if span[0] is None else _first_cloud_ns(recording, lidar_topic.name)
     raw_imu, set_findings = on_one_clock(
@@ -138,9 +133,6 @@ def _load_open(
         scans_total=len(reading.header_ns) - reading.n_twice - reading.n_unlike if gathering is None else len(scans),
         findings=(
             *findings,
-            *twice,
-            *rows,
-            *rays,
             *reading.findings(lidar_topic.name),
             *cleaned.findings,
             *set_findings,

@@ -92,22 +92,23 @@ def test_walls_and_scans_are_measured_within_their_outlines():
     assert min(measure_scans(recording, path, planes).rms_m) > 5e-3
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        CalibrateSettings(),
-        CalibrateSettings(excluded_spans_s=((12.5, 14.0), (-1.0, 0.25)), estimate_time_offset=False, random_seed=3),
-        CalibrateSettings(method="paper", points_per_plane_per_scan=100, field_of_view_deg=45.0),
-        CalibrateSettings(method="paper"),
-        CalibrateSettings(points_per_plane_per_scan=50, field_of_view_deg=60.5, bias_model="constant", max_rounds=4),
-        CalibrateSettings(gravity=Gravity(magnitude_m_s2=9.81, std_m_s2=0.0), estimate_planes=False),
-        CalibrateSettings(priors=(Prior(axis="tz", value=-0.3, std=0.01), Prior(axis="rx", value=0.1, std=1 / 3))),
-        CalibrateSettings(imu_noise="mti-3", imu_sampling="as-stamped"),
-        CalibrateSettings(intrinsics="consider", lidar="velodyne-vlp16"),
-        CalibrateSettings(cloud="as-sent"),
-        CalibrateSettings(intrinsics=("gyroscope_scale", "clock_rate", "laser_range_offset")),
-    ],
-)
+#: Each setting that the command line has is another than usual in one of them.
+SOLVED_WITH = [
+    CalibrateSettings(),
+    CalibrateSettings(excluded_spans_s=((12.5, 14.0), (-1.0, 0.25)), estimate_time_offset=False, random_seed=3),
+    CalibrateSettings(method="paper", points_per_plane_per_scan=100, field_of_view_deg=45.0),
+    CalibrateSettings(method="paper"),
+    CalibrateSettings(points_per_plane_per_scan=50, field_of_view_deg=60.5, bias_model="constant", max_rounds=4),
+    CalibrateSettings(gravity=Gravity(magnitude_m_s2=9.81, std_m_s2=0.0), estimate_planes=False),
+    CalibrateSettings(priors=(Prior(axis="tz", value=-0.3, std=0.01), Prior(axis="rx", value=0.1, std=1 / 3))),
+    CalibrateSettings(imu_noise="mti-3", imu_sampling="as-stamped", lidar_sampling="as-stamped"),
+    CalibrateSettings(intrinsics="consider", lidar="velodyne-vlp16"),
+    CalibrateSettings(cloud="as-sent"),
+    CalibrateSettings(intrinsics=("gyroscope_scale", "clock_rate", "laser_range_offset")),
+]
+
+
+@pytest.mark.parametrize("settings", SOLVED_WITH)
 def test_the_command_asks_for_the_same(settings):
     """Round trip through the command line's own parser. Mutations: exclusions, priors, the seed,
     the sensors' blocks, the lidar or whose points they are left out."""
@@ -119,6 +120,18 @@ def test_the_command_asks_for_the_same(settings):
     assert solve_settings(chosen) == settings
     assert read_settings(chosen) == reading.model_copy(update={"lidar_topic": "/points", "imu_topic": "/imu"})
     assert (command.files, command.notes) == ([], [])
+
+
+def test_no_setting_is_left_out_of_what_the_command_is_tried_with():
+    """Mutation: a setting added to CalibrateSettings alone, or one of these left at its default."""
+    defaults = CalibrateSettings()
+    tried = {
+        name
+        for each in SOLVED_WITH
+        for name in CalibrateSettings.model_fields
+        if getattr(each, name) != getattr(defaults, name)
+    }
+    assert tried | {"crispness"} == set(CalibrateSettings.model_fields)  # measured always by a command
 
 
 def test_the_commands_files_are_what_the_command_line_reads(tmp_path):

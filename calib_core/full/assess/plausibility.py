@@ -15,10 +15,10 @@ from calib_core.intrinsics import UNKNOWN_IMU
 from calib_core.solver.information import covariance_of
 
 
-def implausible(ctx: Run, solved: Solved) -> str | None:
+def implausible(run: Run, solved: Solved) -> str | None:
     """Why an answer that the descent is content with cannot be true, or None."""
     hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
-    gravity = ctx.settings.gravity
+    gravity = run.settings.gravity
     magnitude = float(np.linalg.norm(solved.estimate.gravity))
     away = abs(magnitude - gravity.magnitude_m_s2)
     if gravity.std_m_s2 > 0 and _beyond_gravity(solved, away, gravity.std_m_s2):

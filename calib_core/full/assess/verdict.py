@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.document import Answer
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence, confidence
 from calib_core.full.assess.doubtful_choice import say_doubtful_choice
@@ -23,6 +22,7 @@ from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import plane_residuals
 from calib_core.full.run import Clocks, Run
+from calib_core.method import Answer
 from calib_core.presets import random_walks
 from calib_core.result import Evidence, Message, PlaneQuality
 from calib_core.settings import ImuNoise

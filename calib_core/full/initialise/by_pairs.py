@@ -34,23 +34,23 @@ def tell_turns(starts: Sequence[RotationStart]) -> bool:
     return bool(starts) and starts[0].residual <= AGREEING.fits and starts[0].open_axis_imu is None
 
 
-def pairs_start(ctx: Run) -> tuple[list[RotationStart], Agreement]:
+def pairs_start(run: Run) -> tuple[list[RotationStart], Agreement]:
     """Lag and rotation from turns between neighbouring scans, each by itself, best first; and how well they agree.
 
     Where they tell them, the sweeps are straightened by the gyroscope and asked again, until the lag rests: as long as it is off,
     sweeps are straightened by what the gyroscope turned at another time. Raises Refused where that bends what was straight.
     """
-    ctx.stage("track", 0.0, "turning from scan to scan")
-    scans = ctx.recording.scans
-    starts, agreed = _by_pairs(ctx, scans, None)
+    run.stage("track", 0.0, "turning from scan to scan")
+    scans = run.recording.scans
+    starts, agreed = _by_pairs(run, scans, None)
     for turn in range(AGREEING.again):
         # What was alike by chance is not any more once sweeps are straightened by it.
         if not starts or starts[0].residual > AGREEING.fits:
             break
         before = starts[0]
-        straight = _by_pairs(ctx, scans, GyroTurning.of(ctx, before))
+        straight = _by_pairs(run, scans, GyroTurning.of(run, before))
         if turn == 0:
-            _require_measured_points(ctx, before, straight[0])
+            _require_measured_points(run, before, straight[0])
         if _left(straight[0]) > before.residual:
             break
         starts, agreed = straight
@@ -64,7 +64,7 @@ def _left(starts: Sequence[RotationStart]) -> float:
     return starts[0].residual if starts else 1.0
 
 
-def _require_measured_points(ctx: Run, raw: RotationStart, straight: Sequence[RotationStart]) -> None:
+def _require_measured_points(run: Run, raw: RotationStart, straight: Sequence[RotationStart]) -> None:
     """Raises Refused where sweeps go with the gyroscope as they are, and do not once its turning is taken out of them: they were
     without it.
 
@@ -77,7 +77,7 @@ def _require_measured_points(ctx: Run, raw: RotationStart, straight: Sequence[Ro
         "with what the gyroscope turned within the sweeps taken out of them, the turns from sweep to sweep are off its own by "
         f"{left:.2f} of their size, and without that by {raw.residual:.2f}"
     )
-    backwards, _ = _by_pairs(ctx, _Backwards(ctx.recording.scans), GyroTurning.of(ctx, raw))
+    backwards, _ = _by_pairs(run, _Backwards(run.recording.scans), GyroTurning.of(run, raw))
     if _left(backwards) < raw.residual:
         raise Refused(
             "points.times_backwards",
@@ -113,18 +113,18 @@ class _Backwards(Sequence[Scan]):
         return replace(scan, points=points)
 
 
-def _by_pairs(ctx: Run, scans: Sequence[Scan], turning: Turning | None) -> tuple[list[RotationStart], Agreement]:
+def _by_pairs(run: Run, scans: Sequence[Scan], turning: Turning | None) -> tuple[list[RotationStart], Agreement]:
     """As `pairs_start`, of sweeps straightened by these turns. Where three axes tell more of their agreement than the sizes do,
     it is that of the axes.
     """
-    pairs = pair_turns(scans, turning=turning, seed=ctx.settings.random_seed)
+    pairs = pair_turns(scans, turning=turning, seed=run.settings.random_seed)
     # A sweep taken as one rigid look is a look from where its middle was.
-    middle_s = ctx.clocks.scan_s + 0.5 * ctx.clocks.sweep_s
+    middle_s = run.clocks.scan_s + 0.5 * run.clocks.sweep_s
     start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
     worth = 1.0 / (pairs.std_rad**2 + VECTORS.pair_std_rad**2)
     rate_rad_s = pairs.rotvec_rad / np.maximum(end_s - start_s, AGREEING.shortest_span_s)[:, None]
     turns = Turns(start_s, end_s, rate_rad_s, worth)
-    imu_s, gyro_rad_s = ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s
+    imu_s, gyro_rad_s = run.clocks.imu_s, run.recording.imu.gyro_rad_s
     lags = lags_by_vectors(turns, imu_s, gyro_rad_s)
     starts = fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags)
     agreed = agreement_of(turns, imu_s, gyro_rad_s)

@@ -26,7 +26,10 @@ from calib_core.types import FloatArray, IntArray
 
 @dataclass(frozen=True)
 class GyroTurning:
-    """The gyroscope's turns as the lidar's. epoch_ns: of the lidar's clock.   coasts: whether one direction may stay open."""
+    """The gyroscope's turns as the lidar's, under a time offset and a rotation between the two.
+
+    epoch_ns: of the lidar's clock.   first_s, last_s: of the IMU's readings, IMU clock.   coasts: as in `Turning`.
+    """
 
     gyro: GyroTurns
     rotation: RotationStart
@@ -36,11 +39,11 @@ class GyroTurning:
     coasts: bool = False
 
     @staticmethod
-    def of(ctx: Run, rotation: RotationStart, *, coasts: bool = False) -> GyroTurning:
+    def of(run: Run, rotation: RotationStart, *, coasts: bool = False) -> GyroTurning:
         """With the bias that came with the rotation taken off."""
-        imu_s = ctx.clocks.imu_s
-        gyro = GyroTurns(imu_s, ctx.recording.imu.gyro_rad_s - rotation.gyro_bias)
-        return GyroTurning(gyro, rotation, ctx.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]), coasts)
+        imu_s = run.clocks.imu_s
+        gyro = GyroTurns(imu_s, run.recording.imu.gyro_rad_s - rotation.gyro_bias)
+        return GyroTurning(gyro, rotation, run.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]), coasts)
 
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None outside of the IMU's recording."""
@@ -57,8 +60,11 @@ class GyroTurning:
 
 
 @dataclass(frozen=True)
-class Felt:
-    """Turns and steps. steps_m: (N,) scans, and (N, 3) map, the step from each to the next."""
+class GyroAndSteps:
+    """The gyroscope's turns, and the steps from scan to scan that the accelerometer felt along one track.
+
+    steps_m: by position of a scan, (3,) map, the step to the next scan.
+    """
 
     turning: GyroTurning
     steps_m: dict[int, FloatArray]
@@ -85,8 +91,12 @@ class Felt:
 
 
 @dataclass(frozen=True)
-class Judged:
-    """A track beside the IMU. leaps: scans from which it turned to the next one as the gyroscope has not felt it."""
+class TrackCheck:
+    """A track compared with the IMU, motion by motion.
+
+    rotation, steps: the start values by the track, and its steps as the accelerometer felt them.   leaps: places in `motions`
+    from which it turned to the next as the gyroscope has not felt it.
+    """
 
     rotation: RotationStart
     steps: Steps
@@ -95,14 +105,14 @@ class Judged:
 
     @property
     def astray(self) -> IntArray:
-        """Scans from which the step to the next one was none that the accelerometer has felt, bridged ones aside."""
+        """Places in `motions` from which the step to the next was not felt by the accelerometer, bridged ones aside."""
         seen = np.array([m.share > 0 for m in self.motions])
         at = self.steps.step
         return np.asarray(at[self.steps.astray & seen[at] & seen[at + 1]])
 
     @property
     def faults(self) -> int:
-        """Both."""
+        """How many leaps and steps astray there are."""
         return len(self.leaps) + len(self.astray)
 
     @property
@@ -114,7 +124,7 @@ class Judged:
 
     @property
     def tells(self) -> bool:
-        """Whether enough of its steps are right that the start values they give are."""
+        """Whether so many of its steps are right that the start values by them can be relied on."""
         usual_m = float(np.median(self.steps.off_m)) if len(self.steps.off_m) else np.inf
         return usual_m < LINEAR.position_std_m and float(np.mean(self.steps.astray)) < LINEAR.most_astray
 
@@ -124,30 +134,32 @@ class Judged:
         leapt = set(self.leaps.tolist())
         return [replace(m, share=0.0) if k in leapt else m for k, m in enumerate(self.motions)]
 
-    def felt(self, ctx: Run, *, coasts: bool = False) -> Felt:
+    def felt(self, run: Run, *, coasts: bool = False) -> GyroAndSteps:
         """The IMU's motion, in the track's map frame."""
         scans = (self.motions[int(step)].position for step in self.steps.step)
-        return Felt(GyroTurning.of(ctx, self.rotation, coasts=coasts), dict(zip(scans, self.steps.felt_m, strict=True)))
+        return GyroAndSteps(
+            GyroTurning.of(run, self.rotation, coasts=coasts), dict(zip(scans, self.steps.felt_m, strict=True))
+        )
 
 
-def told_rotation(ctx: Run, lidar: LidarTrack) -> RotationStart | None:
+def told_rotation(run: Run, lidar: LidarTrack) -> RotationStart | None:
     """The best rotation between a track's turns and the gyroscope's; None where they are nowhere alike."""
-    starts = rotation_start(lidar, ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s)
+    starts = rotation_start(lidar, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
     return starts[0] if starts and starts[0].residual < AGREEING.fits else None
 
 
-def judged(ctx: Run, motions: Sequence[ScanMotion], lidar: LidarTrack, rotation: RotationStart) -> Judged:
-    """How a track stands beside the IMU. lidar: the same, on the lidar's clock."""
-    imu_s, imu = ctx.clocks.imu_s, ctx.recording.imu
-    magnitude_m_s2 = ctx.settings.gravity.magnitude_m_s2
+def check_track(run: Run, motions: Sequence[ScanMotion], lidar: LidarTrack, rotation: RotationStart) -> TrackCheck:
+    """A track compared with the IMU. motions, lidar: the track as motions, and as arrays.   rotation: the start to do it with."""
+    imu_s, imu = run.clocks.imu_s, run.recording.imu
+    magnitude_m_s2 = run.settings.gravity.magnitude_m_s2
     steps = linear_steps(lidar, imu_s, imu.accel_m_s2, rotation, gravity_m_s2=magnitude_m_s2)
-    return Judged(rotation, steps, motions, leaps(ctx, motions, rotation))
+    return TrackCheck(rotation, steps, motions, leaps(run, motions, rotation))
 
 
-def leaps(ctx: Run, motions: Sequence[ScanMotion], rotation: RotationStart) -> IntArray:
+def leaps(run: Run, motions: Sequence[ScanMotion], rotation: RotationStart) -> IntArray:
     """The motions, by number, from which the next one is turned as the gyroscope has not felt it, bridged ones aside."""
-    turning = GyroTurning.of(ctx, rotation)
-    t_s = ctx.clocks.scan_s[[m.position for m in motions]] - rotation.time_offset_s
+    turning = GyroTurning.of(run, rotation)
+    t_s = run.clocks.scan_s[[m.position for m in motions]] - rotation.time_offset_s
     # What the gyroscope turned and what the track did, as one lidar's.
     felt = turning.gyro.at(t_s) @ rotation.R_imu_lidar
     shown = np.array([m.R for m in motions])

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.initialise.agreement import agreement
-from calib_core.full.initialise.felt import GyroTurning, Judged, judged, told_rotation
+from calib_core.full.initialise.felt import GyroTurning, TrackCheck, check_track, told_rotation
 from calib_core.full.initialise.linear import double_integral
 from calib_core.full.initialise.settings import AGREEING, GUIDING, LINEAR
 from calib_core.full.initialise.start import LidarTrack
@@ -30,8 +30,8 @@ from calib_core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
-class Led:
-    """The IMU's motion from scan to scan, wherever a track is.
+class ImuMotion:
+    """The IMU's motion from scan to scan, on from wherever a track is: dead reckoning with start values of the track.
 
     scan_s: (M,) on the lidar's clock.   R: (M, 3, 3) world <- lidar, by the gyroscope, at each scan's start.   V, P: (M - 1, 3)
     world, integrals of the readings without their bias from each scan's start to the next one's, and of that integral.
@@ -49,19 +49,19 @@ class Led:
     gravity: FloatArray
 
     @staticmethod
-    def of(ctx: Run, found: Judged) -> Led:
+    def of(run: Run, found: TrackCheck) -> ImuMotion:
         """From what a stretch of a track has told."""
         rotation, linear = found.rotation, found.steps.start
-        turning = GyroTurning.of(ctx, rotation)
-        imu_s, scan_s = ctx.clocks.imu_s, ctx.clocks.scan_s
+        turning = GyroTurning.of(run, rotation)
+        imu_s, scan_s = run.clocks.imu_s, run.clocks.scan_s
         at_s = scan_s - rotation.time_offset_s
-        readings = ctx.recording.imu.accel_m_s2 - linear.accel_bias
+        readings = run.recording.imu.accel_m_s2 - linear.accel_bias
         V, P = double_integral(imu_s, (turning.gyro.at(imu_s) @ readings[..., None])[..., 0], at_s)
         silent = np.flatnonzero(np.diff(imu_s) > GUIDING.silence_s)
         known = (at_s[:-1] >= imu_s[0]) & (at_s[1:] <= imu_s[-1])
         for start_s, end_s in zip(imu_s[silent], imu_s[silent + 1], strict=True):
             known &= (at_s[1:] < start_s) | (at_s[:-1] > end_s)
-        return Led(
+        return ImuMotion(
             turning,
             scan_s,
             turning.gyro.at(np.clip(at_s, imu_s[0], imu_s[-1])) @ rotation.R_imu_lidar,
@@ -131,11 +131,14 @@ class Led:
 
 
 class Guide:
-    """Looks at one track. led: whether it has led it anywhere."""
+    """The guide of one track: compares each motion with the IMU, and leads from the first one on that was not felt.
 
-    def __init__(self, ctx: Run) -> None:
-        self._ctx = ctx
-        self._known: Led | None = None
+    led: whether it has led the track for any scan.
+    """
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self._known: ImuMotion | None = None
         self._leads = False
         self._next_s = GUIDING.first_s
         self._begun_by: type[Turning] | None = None
@@ -166,7 +169,7 @@ class Guide:
 
     def _look_back(self, motions: Sequence[ScanMotion]) -> None:
         """Learn what leads the track from what lies behind, now and then."""
-        scan_s = self._ctx.clocks.scan_s
+        scan_s = self._run.clocks.scan_s
         last_s = scan_s[motions[-1].position]
         if abs(last_s - scan_s[motions[0].position]) < self._next_s:
             return
@@ -176,25 +179,25 @@ class Guide:
 
     def _learn(self, motions: Sequence[ScanMotion]) -> None:
         """Learn what leads the track from those motions, where they tell it. Raises Misled where they went astray."""
-        ctx = self._ctx
+        run = self._run
         part = sorted(motions, key=lambda m: m.position)
         at = [m.position for m in part]
-        lidar = LidarTrack.of(part, ctx.clocks.scan_s[at], ctx.clocks.sweep_s[at])
-        alike = agreement(lidar, ctx.clocks.imu_s, ctx.recording.imu.gyro_rad_s)
+        lidar = LidarTrack.of(part, run.clocks.scan_s[at], run.clocks.sweep_s[at])
+        alike = agreement(lidar, run.clocks.imu_s, run.recording.imu.gyro_rad_s)
         if alike.correlation < AGREEING.trusted or not alike.is_of_a_unit:
             return
-        rotation = told_rotation(ctx, lidar)
+        rotation = told_rotation(run, lidar)
         if rotation is None or rotation.open_axis_imu is not None:
             return
-        found = judged(ctx, part, lidar, rotation)
-        leading = Led.of(ctx, found) if found.tells else None
+        found = check_track(run, part, lidar, rotation)
+        leading = ImuMotion.of(run, found) if found.tells else None
         if leading is not None:
             self._known = leading
-        turning = leading or GyroTurning.of(ctx, rotation)
-        if found.faults > 0 and self._begun_by not in (type(turning), Led):
+        turning = leading or GyroTurning.of(run, rotation)
+        if found.faults > 0 and self._begun_by not in (type(turning), ImuMotion):
             if self._begun_by is None:
                 # Rates within the sweeps are the gyroscope's from here on, and tell no more whether the clouds are raw.
-                require_measured_sweeps(ctx, found.sound)
+                require_measured_sweeps(run, found.sound)
             self.led, self._leads, self._begun_by, self._next_s = (
                 True,
                 leading is not None,

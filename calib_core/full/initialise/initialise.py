@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, gravity_complaint, unit_complaint
-from calib_core.full.initialise.guided import guided, with_lever_arm
+from calib_core.full.initialise.initial_guess import start_from_guess, with_lever_arm
 from calib_core.full.initialise.linear import linear_start, linear_steps
 from calib_core.full.initialise.rigid import require_rigid
 from calib_core.full.initialise.rotation import acceleration_start, is_worse, rotation_start
@@ -32,8 +32,10 @@ def initialise(
 ) -> tuple[LidarTrack, Start]:
     """Time offset, rotation, gravity, lever arm and accelerometer bias from the lidar-only motion.
 
-    planes: those that were followed; where the turn about the only axis stays open, it is taken so that they are plumb
-    and level.
+    planes: those that were followed; where all turning is about one axis, and the turn about it stays open, it is chosen so that
+    they are plumb and level.   guess: what is known beforehand, which is taken where the motions do not refute it.
+    Returns the track as arrays, and the start. Raises Refused where the motions have nothing in common, the IMU's unit or axes
+    cannot be as they seem, or lidar and IMU are not fixed to one another.
     """
     run.stage("initialise", 0.0, "time offset and rotation")
     _require_gravity(run)
@@ -46,7 +48,7 @@ def initialise(
         candidates = acceleration_start(lidar, run.clocks.imu_s, imu.accel_m_s2)
     is_turned_as_guessed = False
     if guess is not None:
-        start, is_turned_as_guessed = guided(run, lidar, candidates, guess)
+        start, is_turned_as_guessed = start_from_guess(run, lidar, candidates, guess)
         candidates = [start]
     if not candidates:
         raise _nothing_to_compare(len(motions), len(run.recording.scans))
@@ -92,7 +94,7 @@ def initialise(
 
 
 def of_the_turns_lag(trials: Sequence[Start]) -> list[Start]:
-    """All of them; or those of the lag that leaves least of the turns, where another one explains the accelerations hardly better
+    """The trials, without those of lags that explain the accelerations hardly better than the lag that explains the turns best,
     and the turns clearly worse.
 
     What turns about one axis, on planes that leave a direction open, has accelerations that tell next to nothing: a lag of
@@ -107,8 +109,8 @@ def of_the_turns_lag(trials: Sequence[Start]) -> list[Start]:
 
 
 def _of_nearest_lag(run: Run, trials: Sequence[Start]) -> list[Start]:
-    """All of them; or, of lags that differ by rounds of a motion that repeats itself and fit as well, those of the one nearest to
-    the stamps' own. The others are said.
+    """The trials; of a motion that repeats itself, and fits as well a period earlier or later, only those of the lag that is
+    nearest to the stamps' own. The others are said.
     """
     best = min(trials, key=lambda t: t.misfit)
     nearest = next((t.rotation for t in trials if t.rotation.repeats_s), None)

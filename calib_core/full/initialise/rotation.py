@@ -15,6 +15,7 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
+from calib_core.full.initialise.memoised import memoised
 from calib_core.full.initialise.settings import AGREEING, LAGS, ROTATING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import (
@@ -25,13 +26,12 @@ from calib_core.full.initialise.time_offset import (
     nearest_peaks,
     turns_of,
 )
-from calib_core.full.initialise.told_once import told_once
 from calib_core.geometry import mean_rotation, nearest_rotation
 from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray
 
 
-@told_once
+@memoised
 def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[RotationStart]:
     """Time offset and rotation, best first; more than one where several lags explain the motion about as well."""
     return fit_lags(*best_turns(track, imu_s, gyro_rad_s))

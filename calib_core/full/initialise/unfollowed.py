@@ -15,20 +15,20 @@ from calib_core.geometry import log
 from calib_core.types import FloatArray
 
 
-def refuse_standing_clouds(ctx: Run, followed: Followed, gyro_rad_s: FloatArray) -> None:
+def refuse_standing_clouds(run: Run, followed: Followed, gyro_rad_s: FloatArray) -> None:
     """Raise Refused where the surroundings stand still in clouds that were followed throughout, and the gyroscope turns.
 
     gyro_rad_s: (Q, 3) without bias.
     """
-    scans = len(ctx.recording.scans)
+    scans = len(run.recording.scans)
     if followed.seen < AGREEING.whole * scans or ways_faced(followed.planes) < 3:
         return
     positions = np.array([m.position for m in followed.motions])
     R = np.array([m.R for m in followed.motions])
-    period_s = np.maximum(np.diff(ctx.clocks.scan_s[positions]), AGREEING.shortest_span_s)
+    period_s = np.maximum(np.diff(run.clocks.scan_s[positions]), AGREEING.shortest_span_s)
     shown = float(np.median(np.linalg.norm(log(np.swapaxes(R[:-1], 1, 2) @ R[1:]), axis=1) / period_s))
     # Over as long as from scan to scan: what shakes the gyroscope faster turns no lidar.
-    imu_s, width_s = ctx.clocks.imu_s, float(np.median(period_s))
+    imu_s, width_s = run.clocks.imu_s, float(np.median(period_s))
     turned = float(np.nanmedian(mean_rate(imu_s, gyro_rad_s, imu_s, imu_s + width_s)))
     if turned < AGREEING.surely_turning_rad_s or shown > AGREEING.standing * turned:
         return
@@ -40,10 +40,10 @@ def refuse_standing_clouds(ctx: Run, followed: Followed, gyro_rad_s: FloatArray)
     )
 
 
-def refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
+def refuse_lost(run: Run, followed: Followed, agreed: Agreement) -> None:
     """Raise Refused where the track is no motion of this gyroscope's: nothing may be concluded from it."""
-    scans, clocks = len(ctx.recording.scans), ctx.clocks
-    gyro = GyroTurns(clocks.imu_s, ctx.recording.imu.gyro_rad_s - np.median(ctx.recording.imu.gyro_rad_s, axis=0))
+    scans, clocks = len(run.recording.scans), run.clocks
+    gyro = GyroTurns(clocks.imu_s, run.recording.imu.gyro_rad_s - np.median(run.recording.imu.gyro_rad_s, axis=0))
     turned = gyro.at(clocks.imu_s[:: max(1, len(clocks.imu_s) // AGREEING.orientations)])
     turned_deg = float(np.degrees(np.linalg.norm(log(turned[0].T @ turned), axis=1).max()))
     if turned_deg < AGREEING.surely_turned_deg:
@@ -66,11 +66,11 @@ def refuse_lost(ctx: Run, followed: Followed, agreed: Agreement) -> None:
         )
 
 
-def say_open(ctx: Run, followed: Followed) -> None:
+def say_open(run: Run, followed: Followed) -> None:
     """That its planes left a direction open, where it was followed for all that, and what would close it."""
     if not followed.coasts:
         return
-    ctx.say(
+    run.say(
         "info",
         "track.open_way",
         f"over {followed.coasting} of {len(followed.motions)} scans the planes leave one direction open, as along a corridor: "

@@ -18,9 +18,7 @@ from calib_core.full.initialise.time_offset import Turns, nearest_peaks
 from calib_core.types import FloatArray
 
 
-def lags_by_vectors(
-    turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray, *, count: int = VECTORS.candidates
-) -> list[tuple[float, float]]:
+def lags_by_vectors(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[tuple[float, float]]:
     """The lags (seconds to add to IMU stamps) at which the turns are most alike, with their likeness, best first.
 
     Of a motion that repeats itself the ones nearest to the stamps' own that are nearly as good go with them.
@@ -38,7 +36,7 @@ def lags_by_vectors(
     )
     nearest = nearest_peaks(lags, score)
     best: list[tuple[float, float]] = []
-    while len(best) < count and np.isfinite(score.max()):
+    while len(best) < VECTORS.candidates and np.isfinite(score.max()):
         k = int(np.argmax(score))
         best.append((float(lags[k]), float(score[k])))
         score[np.abs(lags - lags[k]) < VECTORS.apart_s] = -np.inf

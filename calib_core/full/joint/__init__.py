@@ -10,5 +10,11 @@
     problem.py      what is minimised; state.py its unknowns, lidar_factors.py, priors.py, undetermined.py
     association.py  which point lies on which plane: view.py, many_scans.py, motion.py, moments.py, lidar_noise.py
 
-Each step takes what is known and gives what is known then.
+Each step takes what is known and gives what is known then. Names that go through all of them:
+
+    data     JointData      what stays the same: the run, the knots' readings, what may become unknown
+    state    Estimation     what is known at one moment: an estimate, its priors, planes, lidar noise, points given to planes
+    e        Estimate       the unknowns' values alone: knots, calibration, biases, gravity, planes, sensors
+    problem  JointProblem   the factors about one estimate; solved   Solved   the end of it all
+    rules, sampling, settling, schedule   a step's numbers (policies.py), and which steps there are
 """

@@ -64,7 +64,7 @@ def plane_doubts(problem: JointProblem, estimate: Estimate, rough_m: float | Non
     return doubts(found) if rough_m is None else doubts(found, rough_m, np.inf)
 
 
-def say_left_out(ctx: Run, planes: Sequence[MapPlane], doubt: FloatArray) -> None:
+def say_left_out(run: Run, planes: Sequence[MapPlane], doubt: FloatArray) -> None:
     """Name the planes that are left out, each with what is wrong with it. doubt: (P, 3), theirs.
 
     Somebody was shown those that were proposed, and is warned of them; of what came into view on the way a note will do.
@@ -73,7 +73,7 @@ def say_left_out(ctx: Run, planes: Sequence[MapPlane], doubt: FloatArray) -> Non
         fault = fault_of(row)
         level: Level = "info" if plane.late else "warning"
         what = WORDS[fault] if fault else "does not fit the motion that the others share"
-        ctx.say(level, f"planes.{fault or 'dropped'}", f"{plane.name} {what}: left out")
+        run.say(level, f"planes.{fault or 'dropped'}", f"{plane.name} {what}: left out")
 
 
 def face_three_ways(normals: FloatArray) -> bool:

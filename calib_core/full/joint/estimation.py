@@ -43,7 +43,7 @@ class MapPlane:
 
 @dataclass
 class LastView:
-    """The scans under one estimate, kept for the next step that asks for the same: it changes no number, only the time."""
+    """A cache of one view: the scans laid out under the estimate that was asked for last. It changes no number, only the time."""
 
     view: View | None = None
 
@@ -57,24 +57,24 @@ class LastView:
         return self.view
 
     def let_go(self) -> None:
-        """Of what was seen under an estimate that is about to move: of a long recording that is a fifth of all memory."""
+        """Free what belongs to an estimate that is about to move: of a long recording a fifth of all memory."""
         if self.view is not None:
             self.view.thinned.clear()
             self.view.poses.clear()
 
     def forget(self) -> None:
-        """Of all, the points of thinned scans too: where all points are asked for, nobody asks for those."""
+        """Free all, the points of thinned scans as well: from where every point is used, nobody asks for those."""
         self.view = None
 
 
 @dataclass
 class LastReadings:
-    """The readings with the accelerometer asked later by one delay, kept for the next step that asks for nearly the same."""
+    """A cache of the readings, the accelerometer's taken at one delay after the gyroscope's: for steps that ask for nearly it."""
 
     readings: UpsampledImu | None = None
 
     def at(self, run: Run, readings: UpsampledImu, delay_s: float) -> UpsampledImu:
-        """The readings by a delay. readings: by none."""
+        """The readings at a delay of the accelerometer. readings: those without."""
         last = readings if self.readings is None else self.readings
         if abs(delay_s - last.accel_delay_s) > CHAIN.delay_moved_s:
             last = asked_later(readings, run.clocks.imu_s, run.recording.imu.accel_m_s2, run.hyper, delay_s)
@@ -94,11 +94,12 @@ def ignore_state(_name: str, _state: Estimation) -> None:
 class JointData:
     """What stays the same while the joint problem is solved.
 
-    readings, nodes: over every knot that may come to be estimated.   gauge: the knot whose pose holds the map frame.
-    reference: position of the scan in whose frame the map is.   start: what the stages before have found, and
-    limits: how far from it an answer may lie.   sensors: what of them is to be unknown.   most_rounds: that may be taken in all.
-    dropped: planes that a person has dropped, in the map frame: they shall not come into view again.
-    on_state: told the name of each step and the state before it (`replay.py` writes them down).
+    readings, nodes: over every knot that may come to be estimated.   gauge: index of the knot whose pose holds the map frame.
+    reference: position of the scan in whose frame the map is.   start: the estimate by the start values.   limits: how far from
+    it an answer may lie.   most_rounds: in all.   sensors: which parameters of the sensors are to be unknowns.
+    dropped: planes that a person does not want, in the map frame: they must not come into view again.
+    laid_out, asked: what the last step has computed, kept for the next one; they change no number.
+    on_state: called with the name of each step and the state before it (`replay.py` writes them down).
     """
 
     run: Run
@@ -167,16 +168,16 @@ class Estimation:
         return None if solution is None else solution.information
 
     def without_points(self) -> Estimation:
-        """The same, points to be given to planes anew: for who holds on to a state while another is made. They are most of it."""
+        """The same without the points given to planes, most of its memory: for who keeps a state while another is made."""
         return replace(self, observations=None)
 
     def with_nuisance(self, blocks: Nuisance) -> Estimation:
-        """With these parameters of the sensors in play: what was gathered and where it ended were of those before."""
+        """The state with these parameters of the sensors as unknowns; without points and minimum, which were of those before."""
         estimate = replace(self.estimate, sensors=self.estimate.sensors.onto(blocks))
         return replace(self, estimate=estimate, observations=None, minimum=None)
 
     def with_priors_of(self, sensors: Nuisance) -> Estimation:
-        """With these for the sensors' own parameters: what is known of them, by the priors that these have."""
+        """The state with these blocks of sensor parameters and their priors; values that are known by now stay."""
         before = self.nuisance
         for late in LATE:  # in no list of what is unknown from the start
             if late in before.places:

@@ -23,12 +23,11 @@ from calib_core.full.joint.estimation import COUNTING, Estimation, JointData
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
 from calib_core.kinds import kind_of, next_name
+from calib_core.settings import USED_AFTER_MOTION
 from calib_core.types import FloatArray, InitialGuess, Plane
 from calib_core.written import as_read, as_written, keep, kept
 
 _FILE = "motion.npz"
-#: Settings that are asked for after it, and of which planes are held, which is never so on the way there.
-_LATER = frozenset({"crispness", "estimate_planes"})
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,7 @@ class KeptMotion:
         """
         if folder is None:
             return KeptMotion(None, "")
-        settings = run.settings.model_dump_json(exclude=set(_LATER))
+        settings = run.settings.model_dump_json(exclude=set(USED_AFTER_MOTION))
         words = [
             track_key,
             settings,

@@ -31,13 +31,14 @@ Guided = Callable[[], Guide] | None
 
 @dataclass(frozen=True)
 class Followed:
-    """A track, the planes it ended up with, and the scan in whose frame they are. reference: position in the recording.
+    """A track, the planes it ended up with, and the scan in whose frame they are.
 
-    led: whether its guide has led it somewhere.   proposals: the planes found in the reference scan that was looked at first, as
-    they were found; none where the map is in another one's frame.   away: whether the planes were found in another one.
-    of_proposal: which proposal each of the planes is, -1 for none.   late: which of them came into view, so that nobody was
-    shown them.   Both () where it is not known.   dropped: planes that a person has dropped: they shall not come back.
-    turning: what its turns within sweeps, and from one to the next, were taken from; None where its planes alone told them.
+    reference: position of that scan in the recording.   motions: of the scans that were followed, in order of time.
+    proposals: the planes that were proposed, as they were found; () where the map is not in their reference scan's frame.
+    away: whether the planes were found in another scan than the proposals.   of_proposal: which proposal each of the planes is,
+    -1 for none.   late: which of the planes came into view on the way, so that nobody was shown them.   Both () where it is not
+    known.   dropped: planes that a person does not want: they must not come back.
+    led: whether a guide has led it for any scan.   turning: what its turns were taken from; None where its planes told them.
     """
 
     reference: int
@@ -66,9 +67,9 @@ class Followed:
         """Those of them whose points left a direction of their place open."""
         return sum(m.share > 0 and bool(m.unseen.any()) for m in self.motions)
 
-    def leads_on(self, ctx: Run) -> bool:
-        """Whether it covers so much that the rest is reached by the IMU."""
-        return self.seen > FOLLOWING.enough * len(ctx.recording.scans)
+    def leads_on(self, run: Run) -> bool:
+        """Whether it covers so many scans that the joint estimation reaches the rest by the IMU."""
+        return self.seen > FOLLOWING.enough * len(run.recording.scans)
 
     def seen_from(self, position: int) -> Followed | None:
         """The same motion and planes in the frame of another of its scans; None where that scan is not one of them."""
@@ -94,11 +95,11 @@ class Followed:
         )
         return replace(self, reference=position, planes=planes, motions=moved, dropped=dropped)
 
-    def worth(self, ctx: Run) -> float:
-        """Scans that a solve can hope for: those seen, and half of the later ones, to which it goes on by the IMU, and of those
-        that leave a direction open to it.
+    def worth(self, run: Run) -> float:
+        """How many scans a solve can use of it, to compare tracks by: those seen, and half of those that only the IMU carries it
+        over, which lie behind its end or leave a direction open.
 
-        It does so only from start values that some seconds of motion have settled.
+        The latter count only where some seconds of motion have settled the start values that this takes.
         """
         moving = [
             m.position
@@ -108,15 +109,15 @@ class Followed:
                 np.linalg.norm(m.omega_rad_s) > FOLLOWING.moving_rad_s or np.linalg.norm(m.v_m_s) > FOLLOWING.moving_m_s
             )
         ]
-        later = len(ctx.recording.scans) - 1 - self.motions[-1].position
+        later = len(run.recording.scans) - 1 - self.motions[-1].position
         by_imu = (
-            FOLLOWING.later * (later + self.coasting) if ctx.clocks.sweep_s[moving].sum() > FOLLOWING.settled_s else 0.0
+            FOLLOWING.later * (later + self.coasting) if run.clocks.sweep_s[moving].sum() > FOLLOWING.settled_s else 0.0
         )
         return self.seen - self.coasting + by_imu
 
 
 def follow(
-    ctx: Run,
+    run: Run,
     planes: Sequence[Plane],
     reference: int,
     *,
@@ -130,33 +131,33 @@ def follow(
 
     may_leave: for another reference scan where that leads further.   known: the track from this one, where that is there.
     """
-    best = known or _longest_from(ctx, planes, reference, turning, guide)
-    if not may_leave or best.leads_on(ctx):
+    best = known or _longest_from(run, planes, reference, turning, guide)
+    if not may_leave or best.leads_on(run):
         return best
-    for _, position, found in _views(ctx, turning)[: FOLLOWING.starts]:
+    for _, position, found in _views(run, turning)[: FOLLOWING.starts]:
         if best.motions[0].position <= position <= best.motions[-1].position:
             continue
-        other = _longest_from(ctx, found, position, turning)
-        if other.worth(ctx) > FOLLOWING.better * best.worth(ctx):
+        other = _longest_from(run, found, position, turning)
+        if other.worth(run) > FOLLOWING.better * best.worth(run):
             best = other
-        if best.leads_on(ctx):
+        if best.leads_on(run):
             break
     return best
 
 
-def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Plane]]]:
+def _views(run: Run, turning: Turning | None) -> list[tuple[float, int, list[Plane]]]:
     """Scans to start from with their planes, those first whose planes tell most of a position."""
-    scans = ctx.recording.scans
+    scans = run.recording.scans
     views = []
     for share in FOLLOWING.elsewhere:
         position = round(share * (len(scans) - 1))
         rate = rate_within(scans[position], turning)
-        points = scan_points(scans[position], ctx.settings.field_of_view_deg)
-        if rate is not None and ctx.settings.field_of_view_deg is None:
+        points = scan_points(scans[position], run.settings.field_of_view_deg)
+        if rate is not None and run.settings.field_of_view_deg is None:
             tau = scans[position].points["offset_ns"] * 1e-9
             points = steadied(points, tau, scans[position], turning)
             points = straighten(points, tau, ScanMotion(position, np.eye(3), np.zeros(3), rate, np.zeros(3)))
-        fits = segment_planes(points, seed=ctx.settings.random_seed)
+        fits = segment_planes(points, seed=run.settings.random_seed)
         normals = np.array([f.normal for f in fits]).reshape(-1, 3)
         if len(fits) < SEARCH.fewest_planes or determinacy(normals) < SEARCH.least_determinacy:
             continue
@@ -168,33 +169,33 @@ def _views(ctx: Run, turning: Turning | None) -> list[tuple[float, int, list[Pla
 
 
 def _longest_from(
-    ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None, guide: Guided = None
+    run: Run, planes: Sequence[Plane], reference: int, turning: Turning | None, guide: Guided = None
 ) -> Followed:
     """The track from planes of the straightened reference scan where that moved; where its neighbours alone told that,
     and leads nowhere, from the planes as they are.
     """
-    straight = _straightened_planes(ctx, planes, reference, turning)
+    straight = _straightened_planes(run, planes, reference, turning)
     if not straight:
-        return _attempt(ctx, planes, reference, turning, guide)
-    best = _attempt(ctx, straight, reference, turning, guide)
-    known = rate_within(ctx.recording.scans[reference], turning) is not None
-    if known or best.seen > FOLLOWING.whole * len(ctx.recording.scans):
+        return _attempt(run, planes, reference, turning, guide)
+    best = _attempt(run, straight, reference, turning, guide)
+    known = rate_within(run.recording.scans[reference], turning) is not None
+    if known or best.seen > FOLLOWING.whole * len(run.recording.scans):
         return best
-    other = _attempt(ctx, planes, reference, turning, guide)
+    other = _attempt(run, planes, reference, turning, guide)
     return best if best.seen >= other.seen else other
 
 
-def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None, guide: Guided) -> Followed:
-    if ctx.should_cancel():
+def _attempt(run: Run, planes: Sequence[Plane], reference: int, turning: Turning | None, guide: Guided) -> Followed:
+    if run.should_cancel():
         raise Cancelled("the calibration was cancelled")
-    ctx.stage("track", 0.0, "following the planes from scan to scan")
+    run.stage("track", 0.0, "following the planes from scan to scan")
     looking = None if guide is None else guide()
     while True:
         known = PlaneMap.of(planes)
         try:
             motions = track(
-                ctx.recording.scans, known, reference, turning=turning, guide=looking,
-                on_progress=lambda f: ctx.stage("track", f),
+                run.recording.scans, known, reference, turning=turning, guide=looking,
+                on_progress=lambda f: run.stage("track", f),
             )  # fmt: skip
         except Misled as misled:
             turning = misled.turning
@@ -205,11 +206,11 @@ def _attempt(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning
         return Followed(reference, known.planes(planes), motions, led=led, turning=turning)
 
 
-def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> list[Plane]:
+def _straightened_planes(run: Run, planes: Sequence[Plane], reference: int, turning: Turning | None) -> list[Plane]:
     """The planes of the reference scan without its motion, which its neighbours tell, turns where nothing tells them better; none
     where it hardly moved.
     """
-    scans, reach = ctx.recording.scans, FOLLOWING.around_scans
+    scans, reach = run.recording.scans, FOLLOWING.around_scans
     motions = track(scans, planes, reference, turning=turning, within=range(reference - reach, reference + reach + 1))
     at = [m.position for m in motions].index(reference)
     around = motions[max(at - 1, 0) : at + 2]
@@ -221,7 +222,7 @@ def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turn
     rate = rate_within(scans[reference], turning)
     if rate is not None:
         omega = rate
-    sweep_s = float(ctx.clocks.sweep_s[reference])
+    sweep_s = float(run.clocks.sweep_s[reference])
     if np.linalg.norm(omega) * sweep_s < FOLLOWING.bent_rad and np.linalg.norm(v) * sweep_s < FOLLOWING.bent_m:
         return []
     points = scans[reference].points
@@ -229,12 +230,12 @@ def _straightened_planes(ctx: Run, planes: Sequence[Plane], reference: int, turn
     motion = ScanMotion(reference, np.eye(3), np.zeros(3), omega, v)
     open_ways = 1 if turning is not None and turning.coasts else 0
     steady = steadied(points["xyz"].astype(np.float64), tau, scans[reference], turning)
-    return _planes_of(ctx, straighten(steady, tau, motion), open_ways)
+    return _planes_of(run, straighten(steady, tau, motion), open_ways)
 
 
-def _planes_of(ctx: Run, points_m: FloatArray, open_ways: int) -> list[Plane]:
+def _planes_of(run: Run, points_m: FloatArray, open_ways: int) -> list[Plane]:
     """The planes of a scan, none where more ways than those are open between them. points_m: (N, 3)."""
-    fits = segment_planes(points_m, seed=ctx.settings.random_seed)
+    fits = segment_planes(points_m, seed=run.settings.random_seed)
     normals = np.array([f.normal for f in fits]).reshape(-1, 3)
     if len(fits) < SEARCH.fewest_planes - open_ways or determinacy(normals, open_ways) < SEARCH.least_determinacy:
         return []

@@ -16,27 +16,27 @@ from calib_core.types import Plane
 
 @dataclass(frozen=True, slots=True)
 class Travelled:
-    """Farthest from the first scan, by turn and by place."""
+    """How far the lidar came from its first followed scan at most: by turn, and by place."""
 
     turn_deg: float
     move_m: float
 
     @property
     def stood(self) -> bool:
-        """Whether neither is motion."""
+        """Whether both are so little that the lidar stood still."""
         return self.turn_deg < FOLLOWING.stood_deg and self.move_m < FOLLOWING.stood_m
 
 
 def stood_text() -> str:
-    """That it stood still, by how little it came at most: a doctor follows a sample of the points, a solve all of them, and by
-    how much the two stray, some hundredths of a degree, is no motion of anything.
+    """The sentence that the lidar stood still. It tells the limit, not the measured motion: `inspect` follows a sample of the
+    points and a solve all of them, and the two differ by some hundredths of a degree.
     """
     still = f"it turned by less than {FOLLOWING.stood_deg:g} deg and moved by less than {1e3 * FOLLOWING.stood_m:g} mm"
     return f"the lidar stood still: {still} in the whole recording"
 
 
 def travelled(motions: Sequence[ScanMotion]) -> Travelled:
-    """Of the scans that were followed."""
+    """How far the lidar came in the scans that were followed."""
     first = motions[0]
     turn_rad = max(float(np.linalg.norm(log(first.R.T @ m.R))) for m in motions)
     move_m = max(float(np.linalg.norm(m.p - first.p)) for m in motions)
@@ -55,8 +55,10 @@ def directions_faced(planes: Sequence[Plane]) -> str:
 
 
 def require_motion(motions: Sequence[ScanMotion], scans: int, planes: Sequence[Plane]) -> None:
-    """Raises Refused where the followed ones of so many scans show no motion: it stood still, or the planes, with which that was
-    tried, were lost too soon to tell."""
+    """Raises Refused where the followed scans show no motion: the lidar stood still, or its planes were lost too soon to tell.
+
+    scans: how many the recording has.   planes: those that were followed.
+    """
     if not travelled(motions).stood:
         return
     if len(motions) < FOLLOWING.followed_share * scans:

@@ -1,4 +1,9 @@
-"""How the lidar moves by something other than its points: what the tracker may lean on where they say too little."""
+"""How the lidar moves by something other than its points: what the tracker may lean on where they say too little.
+
+These are protocols: the tracker knows no IMU. Three records of the next stage are a `Turning`, from the least that is known to
+the most: `GyroTurning`, turns alone; `GyroAndSteps`, steps of one track's scans too (`initialise/felt.py`); `ImuMotion`, steps
+from wherever the track is (`initialise/guide.py`). The only `Guide` is there as well.
+"""
 
 from __future__ import annotations
 
@@ -14,44 +19,49 @@ from calib_core.types import FloatArray, Scan
 
 
 class Turning(Protocol):
-    """The lidar's turns between instants of its own clock."""
+    """The lidar's turns between instants of its own clock, and its steps from scan to scan as far as they are known."""
 
     @property
     def coasts(self) -> bool:
-        """Whether the lidar counts as followed for ever where its planes leave one direction open: between two walls and on a
-        floor they never tell how far along it is, and whoever asks knows that from elsewhere.
+        """Whether a track may go on without end while its planes leave one direction of its place open, as between two walls and
+        on a floor: how far along it is, the solve knows from the IMU.
         """
 
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None where nothing is known of that span."""
 
     def step(self, motions: Sequence[ScanMotion], to: int, /) -> FloatArray | None:
-        """(3,) map [m], the lidar's way from the start of the last of these scans, in the order in which they were followed,
-        to another's; None where nothing is known of it.
+        """(3,) [m], map frame: from the lidar's place at the start of the last of these scans to that at another's; None where
+        nothing is known of it.
+
+        motions: in the order in which they were followed, which may be backwards in time.   to: position of the other scan.
         """
 
 
 class Guide(Protocol):
-    """Who looks whether a track goes as it was felt to, while it is followed by its planes alone."""
+    """Compares a track with the IMU while it is followed by its planes alone, and leads it where they differ."""
 
     @property
     def led(self) -> bool:
-        """Whether it has led the track anywhere."""
+        """Whether it has led the track for any scan."""
 
     @property
     def leading(self) -> Turning | None:
-        """What it has led it by; None where it has not."""
+        """What it leads the track by now; None where the track still follows its planes alone."""
 
     def lead(self, motions: Sequence[ScanMotion], newest: ScanMotion | None) -> Turning | None:
-        """What leads it from its newest motion on, once that was not felt; None as long as each was, or nobody knows.
+        """What leads the track from its newest motion on, once the IMU has not felt that one; None as long as it has felt each,
+        or nothing is known of it.
 
-        motions: before that, in the order in which they were followed.   newest: None for a scan that was lost.
-        Raises Misled where what lies behind was not felt, either.
+        motions: before the newest, in the order in which they were followed.   newest: None for a scan that was lost.
+        Raises Misled where motions before the newest were not felt, either.
         """
 
 
 class Misled(Exception):
-    """A track that is to be followed anew, from its reference on. turning: what leads it."""
+    """The track went astray earlier than its newest scan, and has to be followed anew from its reference. turning: what leads it
+    then.
+    """
 
     def __init__(self, turning: Turning) -> None:
         super().__init__("the track went as nothing has felt it")
@@ -89,6 +99,6 @@ def steadied(points_m: FloatArray, tau_s: FloatArray, scan: Scan, turning: Turni
 
 
 def steady_sample(scan: Scan, count: int, turning: Turning | None) -> tuple[FloatArray, FloatArray]:
-    """As `sample_points`, steadied."""
+    """Some points (K, 3) [m] of a scan and their times (K,) [s], as `sample_points` takes them, steadied."""
     points, tau = sample_points(scan, count)
     return steadied(points, tau, scan, turning), tau

@@ -31,9 +31,9 @@ from calib_core.types import FloatArray
 
 @dataclass(frozen=True, slots=True)
 class WithinSweeps:
-    """share: of the turn between the sweeps' beginnings that shows within them.   std: of it, by how spans scatter.
+    """How much of the turning that is expected within sweeps their points show: 1 for raw clouds, 0 for straightened ones.
 
-    spans: from one sweep to the next, that turned enough to tell.
+    share: shown over expected.   std: its standard deviation, by how spans scatter.   spans: how many turned enough to tell.
     """
 
     share: float
@@ -42,7 +42,9 @@ class WithinSweeps:
 
 
 def turning_within(run: Run, motions: Sequence[ScanMotion]) -> WithinSweeps | None:
-    """Of a track that the lidar alone was followed by; None where too little of it turned."""
+    """The turning within the sweeps of a track that its planes alone have told, beside that from one sweep to the next; None
+    where too little of it turned.
+    """
     clocks = run.clocks
     seen = [
         (one, next_)
@@ -66,10 +68,10 @@ def turning_within(run: Run, motions: Sequence[ScanMotion]) -> WithinSweeps | No
 
 
 def turning_freed(run: Run, followed: Followed) -> WithinSweeps | None:
-    """Of a track that took its turns from the gyroscope: what its points tell of the turning within their sweeps, held no more
-    than of any scan, beside what the gyroscope felt in them.
+    """The turning within the sweeps of a track that took its turns from the gyroscope, beside what the gyroscope felt meanwhile:
+    the scans in which that was most are registered once more, their turning left to their points.
 
-    Of the scans in which it felt most. None where too few of them turned, and where the track followed its planes alone.
+    None where too few of them turned, and where the track followed its planes alone.
     """
     turning = followed.turning
     scans, s = run.recording.scans, TrackSettings()
@@ -88,7 +90,7 @@ def turning_freed(run: Run, followed: Followed) -> WithinSweeps | None:
 
 
 def _share(within_rad_s: FloatArray, expected_rad_s: FloatArray) -> WithinSweeps | None:
-    """The share of what is expected that shows, (N, 3) each; None of too few spans."""
+    """How much of the rates (N, 3) that are expected those within the sweeps (N, 3) are; None where spans are too few."""
     if len(expected_rad_s) < WITHIN.fewest_spans:
         return None
     along = np.sum(within_rad_s * expected_rad_s, axis=1)

@@ -110,7 +110,7 @@ def near_plane(
     return np.asarray((np.abs(along_m) > s.min_incidence * away_m) & near)
 
 
-def make_patch(plane: Plane, points_m: FloatArray, *, confirmed: bool = True) -> PlanePatch:
+def make_patch(plane: Plane, points_m: FloatArray) -> PlanePatch:
     """A plane with the outline, area and roughness of its points. points_m: (N, 3), map frame."""
     axes = plane_axes(plane.normal)
     uv = points_m @ axes.T
@@ -128,7 +128,6 @@ def make_patch(plane: Plane, points_m: FloatArray, *, confirmed: bool = True) ->
         n_points=len(points_m),
         rms_m=float(np.sqrt(np.mean(distance**2))) if len(distance) else 0.0,
         area_m2=float(len(cells)) * PATCHES.cell_m**2,
-        confirmed=confirmed,
     )
 
 

@@ -19,9 +19,9 @@ class FirstLook:
     """What every scan is, from reading it once.
 
     stamps_ns: (M,) of the first point.   sweep_s: (M,) last point after the first.   points: (M,) how many.
-    period_s: usual, between scans.   facing: (2, M) where the lidar looked in the middle of each sweep, as a unit vector in the
-    plane of x and y, if it turns once a period from x to y, and if the other way round; shorter than one as the points do not
-    keep to that.   farthest_m, nearest_m: the longest and the shortest range of a sample's returns.
+    period_s: median between scans.   facing: (2, M) complex x + i y, where a rotor looked in the middle of each sweep if it turns
+    once a period from x to y (row 0) or the other way round (row 1); of length 1 where the points keep to such a rotor, shorter
+    as they do not.   farthest_m, nearest_m: the longest and the shortest range of a sample's returns.
     """
 
     stamps_ns: IntArray
@@ -34,7 +34,7 @@ class FirstLook:
 
 
 def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
-    """At every scan, once, on all threads. stamps_ns: (M,) of the scans, where they are known."""
+    """What reading every scan once tells, on all threads. stamps_ns: (M,) of the scans, where they are known."""
     scans = recording.scans
     stamps = np.array([scan.stamp_ns for scan in scans], dtype=np.int64) if stamps_ns is None else stamps_ns
     period_s = float(np.median(np.diff(stamps))) * 1e-9 if len(stamps) > 1 else recording.lidar.period_s

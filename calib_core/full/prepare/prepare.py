@@ -39,7 +39,10 @@ def require_length(recording: Recording, purpose: str, advice: str = "") -> None
 
 
 def require_order(stamps_ns: IntArray, what: str) -> None:
-    """Raises Refused where stamps do not increase: a reader has them in order, who makes a recording himself may not."""
+    """Raises Refused where stamps (N,) do not increase. `load` has them in order; a `Recording` that a script made may not.
+
+    what: they are of, in words.
+    """
     late = np.flatnonzero(np.diff(stamps_ns) <= 0)
     if late.size:
         raise Refused(
@@ -50,7 +53,11 @@ def require_order(stamps_ns: IntArray, what: str) -> None:
 
 
 def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel) -> Run:
-    """Clocks, when the IMU's readings were taken, its noise and interpolation, once for the whole run."""
+    """The run that all stages share: both clocks, when readings were taken, the IMU's noise and interpolation.
+
+    Raises Refused where stamps are out of order, SettingsError for an unknown IMU preset. What is found of the recording on the
+    way is said to on_event. The fit of the interpolation goes on in the background.
+    """
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     require_order(recording.imu.stamps_ns, "IMU readings")
     stamps_ns = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
@@ -93,7 +100,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
 
 
 def _steps(recording: Recording, stamps_ns: IntArray, settings: CalibrateSettings) -> tuple[StampStep, ...]:
-    """Of stamps and times that a clock's ticks cut, but for those that the user takes as they are."""
+    """The steps of stamps and point times that are cut to a clock's ticks, but for those that the settings take as stamped."""
     found: list[StampStep | None] = []
     if settings.imu_sampling != "as-stamped":
         found.append(imu_step(recording.imu))
@@ -104,7 +111,7 @@ def _steps(recording: Recording, stamps_ns: IntArray, settings: CalibrateSetting
 
 
 def _say_exact(recording: Recording, stamps_ns: IntArray, settings: CalibrateSettings, on_event: OnEvent) -> None:
-    """Of stamps that nobody can tell from those of a driver that counts milliseconds and keeps step, by chance."""
+    """Says which sensor's stamps are multiples of their own period: they are taken for exact, and may be cut by the driver."""
     said: list[str | None] = []
     if settings.imu_sampling != "as-stamped" and not recording.imu.stamp_step_ns:
         said.append(exact_stamps(recording.imu.stamps_ns, recording.imu.topic or "the IMU"))

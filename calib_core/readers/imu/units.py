@@ -28,6 +28,8 @@ _RAD_PER_DEG = np.pi / 180.0
 _WINDOW_S = 0.5
 _AVERAGE_S = 0.25
 _MAX_WINDOWS = 2000
+#: The quietest seconds are this part of all.
+_QUIET_SHARE = 0.1
 _IMPOSSIBLE_RAD_S = 35.0
 #: Accelerations without gravity average to the speed that was gained over the time: half a metre a second in two, by hand.
 #: Gravity averages to 1 in the smaller of its units, less what the rig turns meanwhile.
@@ -61,8 +63,8 @@ class _Windows(NamedTuple):
     angles: list[FloatArray]
 
 
-def quiet_seconds(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray, *, share: float = 0.1) -> IntArray:
-    """Indices of the readings in the quietest seconds: the tenth of all whole seconds with the least variation."""
+def quiet_seconds(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray) -> IntArray:
+    """Indices of the readings in the quietest seconds: the share of all whole seconds that varies least."""
     second = (stamps_ns - stamps_ns[0]) // 1_000_000_000
     bounds = np.flatnonzero(np.diff(second, prepend=-1, append=second[-1] + 1))
     sizes = np.diff(bounds)
@@ -75,7 +77,7 @@ def quiet_seconds(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray, *, s
         variance = np.maximum(square - mean**2, 0.0).sum(axis=1)
         unrest += variance / max(float(np.median(variance)), 1e-12)
     order = np.argsort(np.where(enough, unrest, np.inf), kind="stable")
-    chosen = order[: max(1, int(share * sizes.size))]
+    chosen = order[: max(1, int(_QUIET_SHARE * sizes.size))]
     return np.concatenate([np.arange(starts[c], starts[c] + sizes[c]) for c in np.sort(chosen)])
 
 

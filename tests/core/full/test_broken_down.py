@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from calib_core.calibrate import because_of, calibrate
+from calib_core.calibrate import calibrate
 from calib_core.errors import Refused
 from calib_core.full.joint import solve
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.schedule import Schedule
+from calib_core.hindsight import with_cause
 from calib_core.result import Message
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
@@ -67,13 +68,13 @@ def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_i
     stuck = Message(code="imu.stuck", level="warning", text="The gyroscope's x axis is stuck.")
     other = Message(code="imu.gaps", level="warning", text="there are gaps")
     unsettled = Refused("solve.unsettled", "the solve did not come to rest")
-    assert because_of(unsettled, [other]) == "the solve did not come to rest"
-    assert because_of(unsettled, [other, clipped]) == (
+    assert with_cause(unsettled, [other]) == "the solve did not come to rest"
+    assert with_cause(unsettled, [other, clipped]) == (
         "the gyroscope is clipped in 12 %: it says less; that may be why the solve did not come to rest"
     )
     for both in ([clipped, stuck], [stuck, clipped]):
-        assert because_of(unsettled, both).startswith("the gyroscope's x axis is stuck; that may be why")
-    assert because_of(Refused("points.unit", "in millimetres"), [clipped]) == "in millimetres"
+        assert with_cause(unsettled, both).startswith("the gyroscope's x axis is stuck; that may be why")
+    assert with_cause(Refused("points.unit", "in millimetres"), [clipped]) == "in millimetres"
 
 
 def _raise(error: Exception) -> None:

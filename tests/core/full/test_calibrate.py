@@ -12,13 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from calib_core import calibrate as page
 from calib_core.api import propose_planes
-from calib_core.calibrate import Calibration, calibrate, with_doubts_settled
+from calib_core.calibrate import Calibration, calibrate
 from calib_core.doctor.outlook import planes_report
-from calib_core.document import Question
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT
 from calib_core.geometry import log
+from calib_core.hindsight import with_doubts_settled
+from calib_core.method import Question
 from calib_core.readers.imu.units import detect_accelerometer_unit
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -242,9 +243,7 @@ def test_what_two_attempts_say_is_said_once(clean: tuple[Recording, Truth], monk
 
     def attempts(_: Recording, question: Question) -> Any:
         for name in ("plane 2", "plane 2", "plane 3"):
-            question.on_event(
-                LogEvent(level="info", code="planes.moving", text=f"{name} did not stand still: left out")
-            )
+            question.log(LogEvent(level="info", code="planes.moving", text=f"{name} did not stand still: left out"))
         raise Refused("solve.unsettled", "it moves")
 
     monkeypatch.setattr("calib_core.calibrate._answer", attempts)
@@ -306,7 +305,7 @@ def test_a_weak_answer_bears_no_unit_out(
     """Mutations: messages as they came; borne out whatever the answer."""
 
     def answer(_recording: Recording, question: Question) -> Any:
-        question.on_event(LogEvent(level="info", code="imu.gyroscope_unit", text="Rates are in rad/s (who knows)."))
+        question.log(LogEvent(level="info", code="imu.gyroscope_unit", text="Rates are in rad/s (who knows)."))
         return type("Found", (), {"time_offset_ns": 0, "evidence": None, "trajectory": None, "is_weak": is_weak})()
 
     monkeypatch.setattr(page, "_answer", answer)

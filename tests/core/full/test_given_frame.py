@@ -12,7 +12,7 @@ from calib_core.calibrate import calibrate
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise import given_frame
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
-from calib_core.full.initialise.kept import follow_or_recall
+from calib_core.full.initialise.kept_track import follow_or_recall
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.planes.propose import find_reference

@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib_core.document import Heard
 from calib_core.errors import Refused
 from calib_core.full import attempts as page
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.joint.sheets import Beyond
 from calib_core.full.run import Run
+from calib_core.message_log import MessageLog
 from calib_core.result import Message
 from calib_core.settings import CalibrateSettings
 
@@ -97,7 +97,9 @@ def test_a_choice_goes_on_from_the_motion_that_all_planes_have_told(monkeypatch:
     """
     estimator = Estimator("wrong", "right")
     assert (
-        solved(monkeypatch, estimator, followed=6, motion=page.Motion(None, State(iterations=30), "everything")).name
+        solved(
+            monkeypatch, estimator, followed=6, motion=page.MotionByAll(None, State(iterations=30), "everything")
+        ).name
         == "right"
     )
     (first, of_motion), (again, iterations) = estimator.asked
@@ -126,13 +128,13 @@ def asked_of(
     mode: str,
     *outcomes: Refused | str,
     counting: str = "floor",
-    document: Heard | None = None,
+    document: MessageLog | None = None,
 ) -> tuple[list[str], list[str], Any]:
     """With which sensors a solve was asked for ("freed": with them let go, from an end; "any": by the sheets of any), what was
     said meanwhile, and what came of it. counting: the plane that it begins with.   document: hears everything."""
     asked: list[str] = []
     said: list[str] = []
-    heard = Heard(lambda _: None, []) if document is None else document
+    heard = MessageLog(lambda _: None, []) if document is None else document
 
     def hear(event: Any) -> None:
         heard(event)
@@ -162,7 +164,7 @@ def asked_of(
     monkeypatch.setattr(page, "still_show", lambda found: "still" in found)
     unused: Any = None
     settings = CalibrateSettings(intrinsics=mode)
-    run = Run(unused, settings, unused, unused, unused, hear, unused, heard=heard)
+    run = Run(unused, settings, unused, unused, unused, hear, unused, log=heard)
     track: Any = SimpleNamespace(planes=[SimpleNamespace(name=counting)])
     task = page.Task(track, unused, unused, None, settings)
 
@@ -218,7 +220,7 @@ def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer
     astray, away = SensorsAstray("laser_elevation", 14.0), Refused("solve.offset_ran_away", "too far")
 
     def told(*outcomes: Refused | str, counting: str = "floor") -> list[str]:
-        document = Heard(lambda _: None, [Message(code="first", level="info", text="before")])
+        document = MessageLog(lambda _: None, [Message(code="first", level="info", text="before")])
         asked_of(monkeypatch, "auto", *outcomes, counting=counting, document=document)
         return [message.text for message in document.messages]
 
@@ -236,9 +238,9 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
 
     Mutations: the first one's confidence; both sentences, or neither; a refusal of the second let through; what it said kept.
     """
-    heard = Heard(lambda _: None, [Message(code="first", level="info", text="before")])
+    heard = MessageLog(lambda _: None, [Message(code="first", level="info", text="before")])
     unused: Any = None
-    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, heard=heard)
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, log=heard)
 
     def weigh(run: Run, solved: Any, *, is_choice: bool) -> Any:
         run.say("info", "weighed", f"{solved}, a choice {is_choice}")
@@ -259,11 +261,11 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
     monkeypatch.setattr(page, "with_late_blocks", apart)
 
     def told(solved: Any) -> tuple[str, str, list[str]]:
-        heard.unsay(before)
+        heard.restore(before)
         end, trust = page.weighed(run, solved, is_choice=True)
         return str(end), str(trust.of), [message.text for message in heard.messages]
 
-    before = heard.said_so_far()
+    before = heard.snapshot()
     ends = {"one apart": "end", "two apart": "astray", "more apart": "one"}
     assert told("none") == ("none", "none", ["before", "none, a choice True"])
     assert told("one") == ("end", "end", ["before", "goes on", "end, a choice True"])
@@ -273,9 +275,9 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
 
 def test_what_an_attempt_retracts_is_said_again_where_it_led_nowhere() -> None:
     """Mutations: nothing retracted; all of it; what was retracted stays so."""
-    heard = Heard(lambda _: None, ())
+    heard = MessageLog(lambda _: None, ())
     unused: Any = None
-    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, heard=heard)
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, log=heard)
     run.say("info", "one", "first")
     run.say("info", "two", "second")
     unsay = run.attempt()

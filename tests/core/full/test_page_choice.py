@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib_core.document import Heard
 from calib_core.errors import Refused
 from calib_core.full import attempts
 from calib_core.full import calibrate as page
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
+from calib_core.message_log import MessageLog
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Plane
 
@@ -75,20 +75,20 @@ def counted(
     monkeypatch.setattr(attempts, "weighed", lambda _run, solved, is_choice: (solved, is_choice and solved in judged))
     monkeypatch.setattr(attempts, "answer", lambda _run, solved, weighed, _lidar: (solved, weighed))
     settings = CalibrateSettings(estimate_planes=not held)
-    heard = Heard(lambda event: said.append(getattr(event, "code", "")), [])
-    run = Run(unused, settings, unused, unused, unused, heard, unused, heard=heard)
+    log = MessageLog(lambda event: said.append(getattr(event, "code", "")), [])
+    run = Run(unused, settings, unused, unused, unused, log, unused, log=log)
 
     def motion(run: Run, task: attempts.Task, _: Any) -> Any:
         if comes:
             run.say("info", "planes.found", "one more plane came into view after the start and is used")
-        return attempts.Motion(unused, unused, task.followed) if len(task.followed.planes) == len(seen) else None
+        return attempts.MotionByAll(unused, unused, task.followed) if len(task.followed.planes) == len(seen) else None
 
     monkeypatch.setattr(page, "motion_by_everything", motion)
     try:
         answer = page.calibrate_full(run, planes, None)
     except Refused as refused:
         return asked, [code for code in said if code != "of an attempt"], refused.code
-    assert "of an attempt" not in [message.code for message in heard.messages]  # what it said is not true of the answer
+    assert "of an attempt" not in [message.code for message in log.messages]  # what it said is not true of the answer
     return asked, [code for code in said if code != "of an attempt"], answer
 
 

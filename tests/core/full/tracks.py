@@ -73,6 +73,6 @@ def begun(recording: Recording, *, given: bool, at_fault: float = 0.0) -> tuple[
             said.append(event.code)
 
     settings = CalibrateSettings()
-    ctx = prepare(recording, settings, listen, never_cancel)
+    run = prepare(recording, settings, listen, never_cancel)
     _, fits = find_reference(recording.scans, settings)
-    return begin(ctx, named_planes(fits)[:3] if given else None, at_fault=at_fault), said
+    return begin(run, named_planes(fits)[:3] if given else None, at_fault=at_fault), said

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from calib_core import calibrate as page
-from calib_core.document import Question
 from calib_core.events import LogEvent
 from calib_core.full.assess.imu_silence import imu_silence
+from calib_core.method import Question
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Recording
 
@@ -65,7 +65,7 @@ def test_it_is_answered_by_that_side_where_the_two_do_not_go_together(
     def answer(recording: Recording, question: Question) -> Any:
         asked.append(len(recording.scans))
         if len(asked) <= disagree:
-            question.on_event(LogEvent(level="warning", code="solve.disagreement", text="they disagree"))
+            question.log(LogEvent(level="warning", code="solve.disagreement", text="they disagree"))
         known = {"time_offset_ns": OFFSET_NS, "evidence": None, "trajectory": None, "is_weak": False}
         found: Any = type("Found", (), known)()
         return found

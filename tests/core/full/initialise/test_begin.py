@@ -12,8 +12,8 @@ import pytest
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import Agreement
 from calib_core.full.initialise.by_pairs import pairs_start
-from calib_core.full.initialise.felt import Felt, GyroTurning
-from calib_core.full.initialise.guide import Led
+from calib_core.full.initialise.felt import GyroAndSteps, GyroTurning
+from calib_core.full.initialise.guide import ImuMotion
 from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -116,9 +116,9 @@ def test_a_track_that_no_longer_leaps_may_slide_all_the_same(
             out.append(replace(m, p=m.p + slid, R=m.R if len(calls) > 1 else leapt @ m.R))
         return replace(found, motions=out)
 
-    def pairs(ctx: Any) -> Any:
-        asked.append(ctx)
-        return pairs_start(ctx)
+    def pairs(run: Any) -> Any:
+        asked.append(run)
+        return pairs_start(run)
 
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
     monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", pairs)
@@ -141,9 +141,9 @@ def test_turns_from_scan_to_scan_are_found_once(
         out = [replace(m, R=leapt @ m.R if m.position % 3 == 0 and m.position > 40 else m.R) for m in found.motions]
         return replace(found, motions=out)
 
-    def pairs(ctx: Any) -> Any:
-        asked.append(ctx)
-        return pairs_start(ctx)
+    def pairs(run: Any) -> Any:
+        asked.append(run)
+        return pairs_start(run)
 
     by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
     monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)
@@ -210,7 +210,7 @@ def test_steps_mend_what_turns_alone_do_not(noisy: tuple[Recording, Truth], monk
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
     monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", asked)
     found, _ = begun(noisy[0], given=False)
-    assert [type(turning) for turning in calls] == [type(None), GyroTurning, Felt]
+    assert [type(turning) for turning in calls] == [type(None), GyroTurning, GyroAndSteps]
     turned, moved = track_errors(noisy[0], noisy[1], found)
     assert turned < 4.0
     assert moved < 0.08
@@ -229,7 +229,7 @@ def test_a_track_that_is_mostly_wrong_is_led_by_its_longest_sound_stretch(
     def astray(*arguments: Any, **options: Any) -> Followed:
         found = follow(*arguments, **options)
         calls.append(options.get("turning"))
-        if isinstance(calls[-1], Led):
+        if isinstance(calls[-1], ImuMotion):
             return found
         out = []
         for m in found.motions:
@@ -240,7 +240,7 @@ def test_a_track_that_is_mostly_wrong_is_led_by_its_longest_sound_stretch(
 
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
     found, _ = begun(noisy[0], given=False)
-    assert any(isinstance(turning, Led) for turning in calls)
+    assert any(isinstance(turning, ImuMotion) for turning in calls)
     turned, moved = track_errors(noisy[0], noisy[1], found)
     assert turned < 4.0
     assert moved < 0.08
@@ -254,7 +254,7 @@ def test_a_track_that_is_mostly_right_is_followed_by_turns_and_steps_at_once(
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", _led_astray("turned", calls))
     _, said = begun(noisy[0], given=False)
     assert "track.aided" in said
-    assert [type(turning) for turning in calls] == [type(None), Felt]
+    assert [type(turning) for turning in calls] == [type(None), GyroAndSteps]
 
 
 def test_a_forecast_s_track_may_stray(noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch) -> None:

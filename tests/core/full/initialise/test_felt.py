@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from calib_core.full.initialise.felt import Felt, GyroTurning, Judged, leaps
+from calib_core.full.initialise.felt import GyroAndSteps, GyroTurning, TrackCheck, leaps
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
@@ -29,7 +29,9 @@ def test_steps_add_up_either_way_and_end_where_one_is_not_known() -> None:
     """Mutations: the sign of the way back; one step for several; a gap skipped."""
     nothing = np.zeros(3)
     at = [ScanMotion(k, np.eye(3), nothing, nothing, nothing) for k in range(5)]
-    felt = Felt(_turning(), {0: np.array([1.0, 0.0, 0.0]), 1: np.array([0.0, 2.0, 0.0]), 3: np.array([0.0, 0.0, 4.0])})
+    felt = GyroAndSteps(
+        _turning(), {0: np.array([1.0, 0.0, 0.0]), 1: np.array([0.0, 2.0, 0.0]), 3: np.array([0.0, 0.0, 4.0])}
+    )
     np.testing.assert_array_equal(felt.step([at[0]], 2), [1.0, 2.0, 0.0])
     np.testing.assert_array_equal(felt.step([at[0], at[2]], 0), [-1.0, -2.0, 0.0])
     assert felt.step([at[1]], 3) is None
@@ -49,7 +51,7 @@ def test_the_longest_run_between_faults_is_the_sound_stretch() -> None:
     def stretch(leapt: list[int], astray: list[int]) -> list[int]:
         wrong = np.isin(np.arange(19), astray)
         steps: Any = SimpleNamespace(step=np.arange(19), astray=wrong)
-        return [m.position for m in Judged(ROTATION, steps, motions, np.array(leapt, np.int64)).sound_stretch]
+        return [m.position for m in TrackCheck(ROTATION, steps, motions, np.array(leapt, np.int64)).sound_stretch]
 
     assert stretch([3], [9, 15]) == [4, 5, 6, 7, 8, 9]
     assert stretch([3, 4, 15], [9]) == [10, 11, 12, 13, 14, 15]
@@ -61,7 +63,7 @@ def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
     """Twenty scans at a constant rate, one pose from the tenth on turned by twice what is allowed: one leap; none between
     bridged scans. Mutations: the lidar's turn taken the other way; bridged scans count.
     """
-    ctx: Any = SimpleNamespace(
+    run: Any = SimpleNamespace(
         recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
         clocks=SimpleNamespace(imu_s=IMU_S, scan_s=0.1 * np.arange(20), lidar_epoch_ns=0),
     )
@@ -72,13 +74,13 @@ def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:
             ScanMotion(k, exp(0.1 * k * RATE) @ (aside if k >= 10 else np.eye(3)), nothing, RATE, nothing, share)
             for k in range(20)
         ]
-        np.testing.assert_array_equal(leaps(ctx, motions, ROTATION), expected)
-        np.testing.assert_array_equal(_leaps_one_by_one(ctx, motions), expected)
+        np.testing.assert_array_equal(leaps(run, motions, ROTATION), expected)
+        np.testing.assert_array_equal(_leaps_one_by_one(run, motions), expected)
 
 
-def _leaps_one_by_one(ctx: Any, motions: list[ScanMotion]) -> list[int]:
+def _leaps_one_by_one(run: Any, motions: list[ScanMotion]) -> list[int]:
     """The twin: turn after turn, as the tracker asks for them."""
-    turning, found = GyroTurning.of(ctx, ROTATION), []
+    turning, found = GyroTurning.of(run, ROTATION), []
     for k in range(len(motions) - 1):
         one, other = motions[k], motions[k + 1]
         felt = turning.between(one.position * 100_000_000, other.position * 100_000_000)
@@ -92,7 +94,7 @@ def test_leaps_are_told_within_the_gyroscope_recording_alone() -> None:
     """Every second motion of a track that outlasts the IMU by a second stands still: leaps all over, but for where nothing was
     felt. Mutation: spans told that leave the recording.
     """
-    ctx: Any = SimpleNamespace(
+    run: Any = SimpleNamespace(
         recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(IMU_S), 1)))),
         clocks=SimpleNamespace(imu_s=IMU_S, scan_s=0.1 * np.arange(40), lidar_epoch_ns=0),
     )
@@ -101,6 +103,6 @@ def test_leaps_are_told_within_the_gyroscope_recording_alone() -> None:
         ScanMotion(k, exp((0.1 * k + (4.0 * AGREEING.leap_rad if k % 2 else 0.0)) * RATE), nothing, RATE, nothing)
         for k in range(40)
     ]
-    found = leaps(ctx, motions, ROTATION)
-    np.testing.assert_array_equal(found, _leaps_one_by_one(ctx, motions))
+    found = leaps(run, motions, ROTATION)
+    np.testing.assert_array_equal(found, _leaps_one_by_one(run, motions))
     assert 20 < len(found) < 30

@@ -12,8 +12,8 @@ import pytest
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.begin import lidar_track
-from calib_core.full.initialise.felt import GyroTurning, Judged, told_rotation
-from calib_core.full.initialise.guide import Guide, Led
+from calib_core.full.initialise.felt import GyroTurning, TrackCheck, told_rotation
+from calib_core.full.initialise.guide import Guide, ImuMotion
 from calib_core.full.initialise.settings import GUIDING
 from calib_core.full.initialise.start import RotationStart
 from calib_core.full.odometry.reference import Followed, follow
@@ -55,9 +55,9 @@ def _readings() -> FloatArray:
     return np.asarray((np.swapaxes(R_imu, 1, 2) @ (a - GRAVITY)[..., None])[..., 0] + BIAS)
 
 
-def _led(*, silent: slice = slice(0, 0)) -> Led:
+def _led(*, silent: slice = slice(0, 0)) -> ImuMotion:
     kept = np.delete(np.arange(len(IMU_S)), silent)
-    ctx: Any = SimpleNamespace(
+    run: Any = SimpleNamespace(
         recording=SimpleNamespace(
             imu=SimpleNamespace(gyro_rad_s=np.tile(R_C @ RATE, (len(kept), 1)), accel_m_s2=_readings()[kept])
         ),
@@ -66,7 +66,7 @@ def _led(*, silent: slice = slice(0, 0)) -> Led:
     rotation = RotationStart(OFFSET_S, R_C, np.zeros(3), 0.0, 1.0, None)
     linear = SimpleNamespace(gravity=GRAVITY, p_imu_lidar=P_C, accel_bias=BIAS)
     found: Any = SimpleNamespace(rotation=rotation, steps=SimpleNamespace(start=linear))
-    return Led.of(ctx, found)
+    return ImuMotion.of(run, found)
 
 
 def _motions(which: range, share: float = 1.0) -> list[ScanMotion]:
@@ -141,13 +141,13 @@ def test_what_was_felt_is_left_alone(run: Run, motions: list[ScanMotion], soon: 
         assert guide.lead(motions[:k], motions[k]) is None
     assert not guide.led
     aside = replace(motions[50], p=motions[50].p + np.array([0.0, 0.3, 0.0]))
-    assert isinstance(guide.lead(motions[:50], aside), Led)
+    assert isinstance(guide.lead(motions[:50], aside), ImuMotion)
     assert guide.led
-    assert isinstance(guide.lead(motions[:50], motions[50]), Led)  # from there on
+    assert isinstance(guide.lead(motions[:50], motions[50]), ImuMotion)  # from there on
     other = Guide(run)
     for k in range(10, 50):
         other.lead(motions[:k], motions[k])
-    assert isinstance(other.lead(motions[:50], None), Led)
+    assert isinstance(other.lead(motions[:50], None), ImuMotion)
 
 
 def test_what_lies_behind_is_followed_anew_where_it_was_not_felt(
@@ -160,11 +160,11 @@ def test_what_lies_behind_is_followed_anew_where_it_was_not_felt(
     leapt = [replace(m, R=exp(np.array([0.0, 0.0, 0.1 * (m.position >= 12)])) @ m.R) for m in motions]
     shaken = [replace(m, p=m.p + rng.uniform(-0.3, 0.3, 3)) for m in leapt]
     guide = Guide(run)
-    for tracked, leads in ((shaken, GyroTurning), (leapt, Led)):
+    for tracked, leads in ((shaken, GyroTurning), (leapt, ImuMotion)):
         with pytest.raises(Misled) as misled:
             guide.lead(tracked[:45], tracked[45])
         assert isinstance(misled.value.turning, leads)
-    assert isinstance(guide.lead(leapt[:45], leapt[45]), Led)
+    assert isinstance(guide.lead(leapt[:45], leapt[45]), ImuMotion)
     assert guide.led
 
 
@@ -270,16 +270,16 @@ def test_a_led_track_that_was_not_felt_gives_way_to_the_planes_own(
         calls.append(options.get("guide"))
         return follow(*arguments, **options)
 
-    def never(_ctx: Run, known: Any, *_: object) -> Any:
+    def never(_run: Run, known: Any, *_: object) -> Any:
         return known[0], None
 
     begin = "calib_core.full.initialise.begin."
     monkeypatch.setattr("calib_core.full.odometry.track.register", _Aside({}))
     monkeypatch.setattr(begin + "follow", followed)
-    monkeypatch.setattr(begin + "judged", lambda *_: Judged(*[None] * 3, np.arange(3)))  # type: ignore[arg-type]
-    monkeypatch.setattr(Judged, "faults", 3)
+    monkeypatch.setattr(begin + "check_track", lambda *_: TrackCheck(*[None] * 3, np.arange(3)))  # type: ignore[arg-type]
+    monkeypatch.setattr(TrackCheck, "faults", 3)
     monkeypatch.setattr(begin + "_with_steps", never)
-    monkeypatch.setattr(begin + "_felt", lambda _ctx, first, *_: first)
+    monkeypatch.setattr(begin + "_felt", lambda _run, first, *_: first)
     found, said = begun(noisy[0], given=False)
     assert [guide is None for guide in calls] == [False, True]
     assert not found.led

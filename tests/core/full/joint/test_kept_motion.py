@@ -145,12 +145,12 @@ def test_a_second_solve_is_the_one_from_scratch_to_the_last_digit(
     choice = proposed[1:]
     alone = calibrate(recording, settings, planes=choice)
     for name, before in (("untouched", None), ("another choice", proposed[:-1])):
-        calibrate(recording, settings, planes=before, kept_in=tmp_path / name)
+        calibrate(recording, settings, planes=before, cache_dir=tmp_path / name)
 
     def again(*_: object) -> None:
         raise AssertionError("the motion was told once more")
 
     monkeypatch.setattr(attempts, "motion_by_all", again)
     for name in ("untouched", "another choice"):
-        second = calibrate(recording, settings, planes=choice, kept_in=tmp_path / name)
+        second = calibrate(recording, settings, planes=choice, cache_dir=tmp_path / name)
         assert _document(second) == _document(alone)

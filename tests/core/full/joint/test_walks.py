@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from calib_core.document import Heard
 from calib_core.events import LogEvent
 from calib_core.full.joint.present import layout_of
 from calib_core.full.joint.tones import say_tones
 from calib_core.full.joint.walks import say_walks, times_faster, with_usual_walks, with_walks_told
+from calib_core.message_log import MessageLog
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
@@ -118,11 +118,11 @@ def test_a_walk_that_is_told_is_the_priors_from_there_on_and_said(half: Half) ->
 
 def test_what_an_earlier_end_said_of_walks_and_tones_is_not_said_of_the_last(half: Half) -> None:
     """Mutations: either one's sentences left there; all sentences gone."""
-    heard = Heard(lambda _: None, [])
-    data = replace(half.data, run=replace(half.data.run, on_event=heard, heard=heard))
+    log = MessageLog(lambda _: None)
+    data = replace(half.data, run=replace(half.data.run, on_event=log, log=log))
     for code in ("imu.bias_walk", "imu.tone", "motion.unseen", "planes.dropped"):
         data.run.say("warning", code, "said at an earlier end")
     say_walks(data, half.state)
-    assert [message.code for message in heard.messages] == ["imu.tone", "motion.unseen", "planes.dropped"]
+    assert [message.code for message in log.messages] == ["imu.tone", "motion.unseen", "planes.dropped"]
     say_tones(data, half.state)
-    assert [message.code for message in heard.messages] == ["planes.dropped"]
+    assert [message.code for message in log.messages] == ["planes.dropped"]

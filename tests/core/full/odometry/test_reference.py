@@ -121,11 +121,11 @@ def test_a_scan_on_the_move_is_straightened_by_its_neighbours_alone(
 
     Mutations: followed throughout, twice; neighbours beyond the three; the bent planes in any case.
     """
-    ctx = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
+    run = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
     scan = noisy[0].scans[reference]
     bent = named_planes(segment_planes(scan.points["xyz"].astype(np.float64)))
     counts = _counted(monkeypatch)
-    found = follow(ctx, bent, reference)
+    found = follow(run, bent, reference)
     assert counts[0] == min(reference, 3) + 4
     assert counts[1:] == [len(noisy[0].scans)]
     moved = float(np.linalg.norm(found.motions[reference].omega_rad_s))
@@ -161,9 +161,9 @@ def test_short_blindness_is_bridged_and_longer_ends_the_track(
 
 def test_a_track_is_the_same_every_time(noisy: tuple[Recording, Truth]) -> None:
     """Fails when anything random without a seed, or left over from the last run, enters."""
-    ctx = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
+    run = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
     _, fits = find_reference(noisy[0].scans, CalibrateSettings())
-    one, other = (follow(ctx, named_planes(fits), 0) for _ in range(2))
+    one, other = (follow(run, named_planes(fits), 0) for _ in range(2))
     np.testing.assert_array_equal([m.R for m in one.motions], [m.R for m in other.motions])
     np.testing.assert_array_equal([m.p for m in one.motions], [m.p for m in other.motions])
 
@@ -216,9 +216,9 @@ def test_pairs_of_neighbours_alone_give_lag_and_rotation(noisy: tuple[Recording,
     Mutation: swap the two scans (a half turn away), or take the turns for those between the sweeps' beginnings (50 ms).
     """
     recording, truth = noisy
-    ctx = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
-    starts, agreed = pairs_start(ctx)
-    late_s = starts[0].time_offset_s - ctx.clocks.offset_s(truth.time_offset_ns)
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    starts, agreed = pairs_start(run)
+    late_s = starts[0].time_offset_s - run.clocks.offset_s(truth.time_offset_ns)
     turned = log(truth.R_imu_lidar.T @ starts[0].R_imu_lidar)
     assert agreed.correlation > AGREEING.believed
     assert abs(late_s) < 0.02

@@ -179,7 +179,7 @@ def test_a_reference_scan_is_straightened_by_how_it_is_known_to_have_turned(monk
     moved, rng = _Shaken(), np.random.default_rng(6)
     begins_s = 0.06 + 0.1 * np.arange(20)
     scans = [_sweep(rng, moved, begin)[0] for begin in begins_s.tolist()]
-    ctx = SimpleNamespace(
+    run = SimpleNamespace(
         recording=SimpleNamespace(scans=scans),
         clocks=SimpleNamespace(sweep_s=np.full(20, 0.1)),
         settings=CalibrateSettings(),
@@ -188,14 +188,14 @@ def test_a_reference_scan_is_straightened_by_how_it_is_known_to_have_turned(monk
     )
     planes_of_tracks: list[Sequence[Plane]] = []
 
-    def counted(ctx: Run, planes: Sequence[Plane], *arguments: Any) -> Followed:
+    def counted(run: Run, planes: Sequence[Plane], *arguments: Any) -> Followed:
         planes_of_tracks.append(planes)
-        return attempt(ctx, planes, *arguments)
+        return attempt(run, planes, *arguments)
 
     attempt = reference._attempt
     monkeypatch.setattr(reference, "_attempt", counted)
     bent = named_planes(segment_planes(scans[10].points["xyz"].astype(np.float64)))
-    found = reference.follow(cast(Run, ctx), bent, 10, turning=moved, may_leave=False)
+    found = reference.follow(cast(Run, run), bent, 10, turning=moved, may_leave=False)
     start = moved.at(begins_s[10:11])[0]
     true = (start.inv() * moved.at(begins_s)).as_matrix()
     walls = start.inv().apply(np.concatenate([np.eye(3), -np.eye(3)]))
@@ -206,8 +206,8 @@ def test_a_reference_scan_is_straightened_by_how_it_is_known_to_have_turned(monk
         Rotation.from_matrix(true).inv() * Rotation.from_matrix(np.array([m.R for m in found.motions]))
     ).magnitude()
     assert np.degrees(off_rad.max()) < 0.2
-    ctx.recording.scans = [*scans[:14], *(replace(scan, points=scan.points[:0]) for scan in scans[14:])]
-    assert reference.follow(cast(Run, ctx), bent, 10, turning=moved, may_leave=False).seen == 14
+    run.recording.scans = [*scans[:14], *(replace(scan, points=scan.points[:0]) for scan in scans[14:])]
+    assert reference.follow(cast(Run, run), bent, 10, turning=moved, may_leave=False).seen == 14
     assert len(planes_of_tracks) == 2
 
 

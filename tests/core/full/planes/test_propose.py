@@ -172,9 +172,8 @@ def test_coordinates_that_are_no_metres_are_told_from_a_room_without_planes(
 
 def test_a_patch_of_nothing_has_no_outline() -> None:
     """Fails when the hull's error on fewer than three points is let through."""
-    patch = make_patch(Plane("p", np.array([0.0, 0.0, 1.0]), 1.0), np.zeros((2, 3)), confirmed=False)
+    patch = make_patch(Plane("p", np.array([0.0, 0.0, 1.0]), 1.0), np.zeros((2, 3)))
     assert patch.outline_m.shape == (0, 3)
-    assert not patch.confirmed
     assert make_patch(Plane("p", np.array([0.0, 0.0, 1.0]), 1.0), np.zeros((0, 3))).rms_m == 0.0
 
 

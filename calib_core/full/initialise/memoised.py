@@ -1,4 +1,4 @@
-"""What is asked of the same arrays again is answered as it was: a track is judged, and then its start values are found."""
+"""Memoised functions of arrays: whoever judges a track, and whoever finds its start values, asks for the same rotation."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _Told = TypeVar("_Told")
 _KEPT = 2
 
 
-def told_once(function: Callable[_Asked, _Told]) -> Callable[_Asked, _Told]:
-    """A function of arrays and records of them that keeps its last answers, by a digest of what was asked.
+def memoised(function: Callable[_Asked, _Told]) -> Callable[_Asked, _Told]:
+    """A function of arrays, numbers and records of them that keeps its last answers, by a digest of its arguments.
 
-    Nobody may change them.
+    Answers are shared between callers, who must not change them.
     """
     known: dict[bytes, _Told] = {}
 

@@ -1,4 +1,4 @@
-"""Start values from what a person knows beforehand, where both motions do not tell otherwise.
+"""Start values from an initial guess, as far as the motion of both sensors does not refute it.
 
 A guess is where to begin. One that is turned upside down, or was written the other way round, leads the solve astray for minutes;
 and what both sensors' turning leaves under it, next to what it leaves under the rotation of its own, says so at once.
@@ -18,10 +18,14 @@ from calib_core.geometry import log
 from calib_core.types import FloatArray, InitialGuess
 
 
-def guided(run: Run, track: LidarTrack, found: list[RotationStart], guess: InitialGuess) -> tuple[RotationStart, bool]:
-    """The start that a guess replaces what was found in, and whether its rotation is the guess's.
+def start_from_guess(
+    run: Run, track: LidarTrack, found: list[RotationStart], guess: InitialGuess
+) -> tuple[RotationStart, bool]:
+    """The time offset and rotation to start from: what was found, with what the guess has put in its place; and whether the
+    rotation is the guess's.
 
-    found: what both motions tell, best first, maybe nothing. Says what of the guess they refute and is not begun with.
+    found: starts that the motion of both sensors tells, best first, maybe none. What they refute of the guess is said
+    (`start.guess_refuted`), and not begun with.
     """
     base = found[0] if found else RotationStart(0.0, np.eye(3), np.zeros(3), 1.0, 0.0, None)
     if guess.time_offset_ns is not None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.full.initialise.guided import guided, with_lever_arm
+from calib_core.full.initialise.initial_guess import start_from_guess, with_lever_arm
 from calib_core.full.initialise.linear import linear_steps
 from calib_core.full.initialise.rotation import best_turns, left_by, rotation_start
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -38,7 +38,7 @@ def _begun(guess: InitialGuess, *, one_axis: bool = False, held: bool = False):
         settings=CalibrateSettings(estimate_time_offset=not held),
         say=lambda level, code, text: said.append(f"{level} {code} {text}"),
     )
-    start, as_guessed = guided(run, track, rotation_start(track, stamps, gyro), guess)  # type: ignore[arg-type]
+    start, as_guessed = start_from_guess(run, track, rotation_start(track, stamps, gyro), guess)  # type: ignore[arg-type]
     return start, as_guessed, said, truth
 
 
@@ -92,7 +92,7 @@ def test_a_rotation_written_the_other_way_round_is_called_that() -> None:
     )
     guess = InitialGuess(truth.R_imu_lidar.T, None, None)
     found = rotation_start(track, stamps, gyro)
-    _, as_guessed = guided(run, track, found, guess)  # type: ignore[arg-type]
+    _, as_guessed = start_from_guess(run, track, found, guess)  # type: ignore[arg-type]
     assert not as_guessed
     (text,) = said
     assert "it fits the other way round, as T_lidar_imu" in text
@@ -109,7 +109,7 @@ def test_what_the_turning_leaves_open_is_the_guess_s() -> None:
     assert (as_guessed, said, start.open_axis_imu) == (True, [], None)
     np.testing.assert_array_equal(start.R_imu_lidar, R)
     truth, track, _, _ = _world()
-    nothing, as_guessed = guided(SimpleNamespace(), track, [], InitialGuess(truth.R_imu_lidar, None, None))  # type: ignore[arg-type]
+    nothing, as_guessed = start_from_guess(SimpleNamespace(), track, [], InitialGuess(truth.R_imu_lidar, None, None))  # type: ignore[arg-type]
     assert as_guessed
     np.testing.assert_array_equal(nothing.R_imu_lidar, truth.R_imu_lidar)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.full.initialise.told_once import told_once
+from calib_core.full.initialise.memoised import memoised
 from calib_core.types import FloatArray
 
 
@@ -22,7 +22,7 @@ def test_the_same_arrays_are_answered_once_and_others_anew() -> None:
     """
     asked: list[float] = []
 
-    @told_once
+    @memoised
     def total(record: _Record, more: FloatArray) -> float:
         asked.append(float(record.one.sum() + record.other.sum() + more.sum()))
         return asked[-1]

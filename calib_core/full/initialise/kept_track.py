@@ -1,8 +1,8 @@
-"""What following the lidar came to, kept in a folder for the next solve of the same recording.
+"""The lidar's track (`begin.py`), kept in a folder for the next solve of the same recording.
 
-Other planes chosen, a prior given, the sensors taken for ideal: none of it changes how the lidar moved (`begin.py`: a choice
-of planes neither helps nor hurts there). What is kept is taken only where everything that it depends on is as it was, so
-that a second solve gives the first one's numbers, without following the lidar again.
+Other planes chosen, a prior given, the sensors taken for ideal: none of it changes how the lidar moved. A kept track is taken
+only where everything that it depends on is as it was: a second solve gives the first one's numbers, and need not follow the
+lidar again.
 """
 
 from __future__ import annotations
@@ -26,39 +26,26 @@ from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import require_motion
 from calib_core.full.run import Run
+from calib_core.settings import USED_AFTER_TRACKING
 from calib_core.types import FloatArray, Plane, PlaneProposals
 from calib_core.written import Arrays
 
 _FILE = "track.npz"
-#: Settings that are asked for only after the lidar was followed.
-_LATER = frozenset(
-    {
-        "points_per_plane_per_scan",
-        "estimate_time_offset",
-        "estimate_planes",
-        "bias_model",
-        "intrinsics",
-        "priors",
-        "max_rounds",
-        "crispness",
-    }
-)
 
 
 @dataclass(frozen=True)
-class Kept:
-    """A track with what it was made from. found: planes proposed.   extra: given ones that were followed beside them.
+class KeptTrack:
+    """A track with what it was made from.
 
-    chosen: whether a choice of planes was given.   left: whether the map is not that of the proposals' reference scan, which
-    with a choice it has to be.   said: sentences for a person on the way.   begins: the scan that the given planes told the track
-    to begin with.
+    found: the planes that were proposed.   extra: given ones that were followed beside them.   chosen: whether a choice of planes
+    was given.   said: the sentences for a person on the way, said again when it is taken.   begins: position of the scan that
+    the given planes told the track to begin with; None: they told none.
     """
 
     followed: Followed
     found: tuple[Plane, ...]
     extra: tuple[Plane, ...]
     chosen: bool
-    left: bool
     said: tuple[LogEvent, ...]
     begins: int | None = None
 
@@ -67,7 +54,8 @@ class Kept:
         given = choice_among(self.found, given)
         if self.begins != begins:
             return False
-        if self.left and self.chosen != (given is not None):
+        # A choice among the proposals holds the map in their reference scan; without one the track may have left it.
+        if self.followed.away and self.chosen != (given is not None):
             return False
         return _same(self.extra, joined(self.found, given or [])[len(self.found) :])
 
@@ -89,7 +77,7 @@ def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path 
     if folder is None:
         return begin(run, given, _proposed(run, begins))
     key = key_of(run)
-    kept = read_kept(folder / _FILE, key)
+    kept = read_track(folder / _FILE, key)
     if kept is not None and kept.serves(given, begins):
         run.on_event(StageEvent(stage="track", fraction=1.0, kept=True))
         for event in kept.said:
@@ -108,8 +96,8 @@ def _followed_or_recalled(run: Run, given: Sequence[Plane] | None, folder: Path 
     planes = tuple(patch.plane for patch in found.patches)
     given = choice_among(planes, given)
     extra = tuple(joined(planes, given or [])[len(planes) :])
-    kept = Kept(followed, planes, extra, given is not None, followed.away, tuple(said), begins)
-    write_kept(folder / _FILE, key, kept)
+    kept = KeptTrack(followed, planes, extra, given is not None, tuple(said), begins)
+    write_track(folder / _FILE, key, kept)
     return followed
 
 
@@ -121,7 +109,7 @@ def _proposed(run: Run, begins: int | None) -> PlaneProposals:
 
 def key_of(run: Run) -> str:
     """A digest of all that a track depends on but the planes: the readings, when they were taken, the settings, the program."""
-    settings = run.settings.model_dump_json(exclude=set(_LATER))
+    settings = run.settings.model_dump_json(exclude=set(USED_AFTER_TRACKING))
     try:
         program = version("unsweep")
     except PackageNotFoundError:
@@ -133,13 +121,13 @@ def key_of(run: Run) -> str:
     return digest.hexdigest()
 
 
-def write_kept(path: Path, key: str, kept: Kept) -> None:
+def write_track(path: Path, key: str, kept: KeptTrack) -> None:
     """Whole or not at all."""
     motions, planes = kept.followed.motions, kept.followed.planes
     words: dict[str, Any] = {
         "key": key,
         "chosen": kept.chosen,
-        "left": kept.left,
+        "away": kept.followed.away,
         "begins": kept.begins,
         "home": bool(kept.followed.proposals),
         "of_proposal": kept.followed.of_proposal,
@@ -160,7 +148,7 @@ def write_kept(path: Path, key: str, kept: Kept) -> None:
     written.keep(path, words, arrays)
 
 
-def read_kept(path: Path, key: str) -> Kept | None:
+def read_track(path: Path, key: str) -> KeptTrack | None:
     """What was written with this key; None where it was not, or what lies there cannot be read."""
     there = written.kept(path)
     if there is None:
@@ -168,12 +156,12 @@ def read_kept(path: Path, key: str) -> Kept | None:
     words: Any = there[0]
     stored = there[1]
     try:
-        return _as_kept(words, stored) if words["key"] == key else None
+        return _as_track(words, stored) if words["key"] == key else None
     except (ValueError, KeyError, TypeError):
         return None
 
 
-def _as_kept(words: dict[str, Any], stored: Arrays) -> Kept:
+def _as_track(words: dict[str, Any], stored: Arrays) -> KeptTrack:
     """From what was written. Raises ValueError, KeyError or TypeError where it was something else."""
     planes, found, extra = (
         [Plane(name, row[:3], float(row[3])) for name, row in zip(names, stored[rows], strict=True)]
@@ -189,12 +177,12 @@ def _as_kept(words: dict[str, Any], stored: Arrays) -> Kept:
         planes,
         motions,
         proposals=tuple(found) if words["home"] else (),
-        away=bool(words["left"]),
+        away=bool(words["away"]),
         of_proposal=tuple(words["of_proposal"]),
         late=tuple(which < 0 for which in words["of_proposal"]),
     )
     said = tuple(LogEvent.model_validate(event) for event in words["said"])
-    return Kept(followed, tuple(found), tuple(extra), bool(words["chosen"]), bool(words["left"]), said, words["begins"])
+    return KeptTrack(followed, tuple(found), tuple(extra), bool(words["chosen"]), said, words["begins"])
 
 
 def _rows(planes: Sequence[Plane]) -> FloatArray:

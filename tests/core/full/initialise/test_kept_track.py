@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from calib_core.events import Event, LogEvent, StageEvent, ignore_event, never_cancel
-from calib_core.full.initialise import kept
-from calib_core.full.initialise.kept import follow_or_recall
+from calib_core.full.initialise import kept_track
+from calib_core.full.initialise.kept_track import follow_or_recall
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.prepare.prepare import prepare
@@ -58,8 +58,8 @@ class Following:
 @pytest.fixture
 def following(monkeypatch: pytest.MonkeyPatch) -> Following:
     made = Following()
-    monkeypatch.setattr(kept, "propose_planes", made.propose)
-    monkeypatch.setattr(kept, "begin", made.begin)
+    monkeypatch.setattr(kept_track, "propose_planes", made.propose)
+    monkeypatch.setattr(kept_track, "begin", made.begin)
     return made
 
 
@@ -156,6 +156,6 @@ def test_without_a_folder_nothing_is_kept(run: Run, monkeypatch: pytest.MonkeyPa
     """Mutation: a folder of its own choice."""
     monkeypatch.chdir(tmp_path)
     moved = Following().begin(run, None, Following().propose())
-    monkeypatch.setattr(kept, "begin", lambda *_: replace(moved, planes=[WALL]))
+    monkeypatch.setattr(kept_track, "begin", lambda *_: replace(moved, planes=[WALL]))
     assert follow_or_recall(replace(run, on_event=ignore_event), None, None).planes == [WALL]
     assert list(tmp_path.iterdir()) == []

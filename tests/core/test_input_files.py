@@ -10,8 +10,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.audit.limits import read_limits
-from calib_core.documents import initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from calib_core.errors import SettingsError
+from calib_core.input_files import make_initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
 from tests.core.exporters.results import make_result
 
 ROTATION = Rotation.from_euler("ZYX", [179.9, -1.11, 2.9], degrees=True)
@@ -125,7 +125,7 @@ def test_rounded_times_of_a_guess_agree_and_far_ones_of_a_page_do_not_overflow(t
     guess = read_initial_guess(written(tmp_path, {"time_offset_s": 0.005, "time_offset_ns": 4_999_500}))
     assert guess.time_offset_ns == 4_999_500
     with pytest.raises(SettingsError, match="at most 9e"):
-        initial_guess(None, 1e300, where="the page")
+        make_initial_guess(None, 1e300, where="the page")
 
 
 def test_a_mark_at_the_beginning_of_a_file_is_no_part_of_it(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from calib_core.agreement import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
+from calib_core.contradictions import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
 from calib_core.result import CalibrationResult
@@ -130,7 +130,7 @@ def read_initial_guess(path: str | Path) -> InitialGuess:
     return InitialGuess(R_imu_lidar=rotation, p_imu_lidar=translation, time_offset_ns=offset_ns)
 
 
-def initial_guess(matrix: list[list[float]] | None, time_offset_s: float | None, *, where: str) -> InitialGuess:
+def make_initial_guess(matrix: list[list[float]] | None, time_offset_s: float | None, *, where: str) -> InitialGuess:
     """The start values that somebody hands over without a file, held to what `read_initial_guess` holds a file to.
 
     matrix: T_imu_lidar, 4 rows of 4, metres.   where: what to call the place in a sentence.   Raises SettingsError.
