@@ -110,4 +110,6 @@ def _size(one: Intrinsic) -> str:
         return std_text(std, "m")
     if one.unit == "s":
         return std_text(std, "s")
-    return f"{two_digits(float(np.degrees(std)) * STANDARD_GRAVITY_M_S2)} deg/s a g"
+    if one.unit == "rad/s/(m/s2)":
+        return f"{two_digits(float(np.degrees(std)) * STANDARD_GRAVITY_M_S2)} deg/s a g"
+    return f"{two_digits(std)} {one.unit}"
