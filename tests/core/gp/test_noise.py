@@ -45,7 +45,7 @@ def test_knocks_and_gaps_do_not_count():
 
 
 def test_many_gaps():
-    """Half a second after every twelfth reading, over which motion bends. Mutation: stretches with a gap not left out (34 % more)."""
+    """Half a second after every twelfth reading, over which motion bends. Mutation: stretches with a gap kept (34 % more)."""
     t = np.arange(3000) / 100.0 + 0.5 * (np.arange(3000) // 12)
     y = motion(t) + 5e-4 * np.random.default_rng(18).normal(size=(3000, 2))
     np.testing.assert_allclose(high_frequency_noise(t, y), 5e-4, rtol=0.1)
