@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from calib_core.counts import counted
+from calib_core.counts import counted, joined
 
 
 def test_one_is_said_as_one() -> None:
@@ -12,3 +12,10 @@ def test_one_is_said_as_one() -> None:
     ]  # fmt: skip
     assert counted(1, "scan was", "scans were") == "1 scan was"
     assert counted(3, "scan was", "scans were") == "3 scans were"
+
+
+def test_words_are_listed_as_people_do() -> None:
+    """Mutations: one word joined with nothing; a comma before the last; the last word's own `or` passed over."""
+    assert joined(["x"]) == "x"
+    assert joined(["x", "y"]) == "x and y"
+    assert joined(["x", "y", "z"], "or") == "x, y or z"

@@ -247,8 +247,10 @@ def test_a_result_that_was_edited_in_one_form_is_refused(tmp_path: Path, place: 
 
 
 def test_a_result_written_with_fewer_digits_is_one_result(tmp_path: Path) -> None:
-    """Six decimals in each form. Mutation: forms compared to the last digit."""
+    """Six decimals in each form, or in all but one of them. Mutations: turns compared to the last digit; places."""
     document = json.loads(make_result(ROTATION.as_matrix(), np.array([0.1234567, -1.0, 2.0000004])).to_json())
     transform = document["T_imu_lidar"]
-    document["T_imu_lidar"] = {key: np.round(transform[key], 6).tolist() for key in transform}
-    assert read_result(written(tmp_path, document)).T_imu_lidar is not None
+    rounded = {key: np.round(transform[key], 6).tolist() for key in transform}
+    for whole in ("", *transform):
+        document["T_imu_lidar"] = rounded | ({whole: transform[whole]} if whole else {})
+        assert read_result(written(tmp_path, document)).T_imu_lidar is not None

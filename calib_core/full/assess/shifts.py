@@ -19,6 +19,7 @@ from calib_core.types import FloatArray
 
 #: The code of what is said of a block that was only considered.
 CONSIDERED = "sensor.considered"
+_RAISED = str.maketrans("23", "²³")
 _GROUPS: tuple[tuple[str, Unit], ...] = (("the rotation", "deg"), ("the translation", "m"), ("the time offset", "s"))
 #: Blocks as a sentence has them.
 _CALLED: dict[Block, str] = {
@@ -110,4 +111,6 @@ def _size(one: Intrinsic) -> str:
         return std_text(std, "m")
     if one.unit == "s":
         return std_text(std, "s")
-    return f"{two_digits(float(np.degrees(std)) * STANDARD_GRAVITY_M_S2)} deg/s a g"
+    if one.block == "g_sensitivity":
+        return f"{two_digits(float(np.degrees(std)) * STANDARD_GRAVITY_M_S2)} deg/s a g"
+    return f"{two_digits(std)} {one.unit.translate(_RAISED)}"

@@ -102,6 +102,19 @@ def test_kitti_is_as_lio_sam_ships_it() -> None:
     np.testing.assert_allclose(values["extrinsicRPY"], published, atol=1e-12)
 
 
+def test_li_init_has_the_biases_and_gravity_of_the_result() -> None:
+    """By its labels, which are LI-Init's. Mutations: zeros for biases; the one sensor's for the other's; gravity upwards; the
+    usual gravity for the result's.
+    """
+    result = make_result(np.eye(3), np.zeros(3))
+    result.gravity_m_s2 = 9.81234
+    told = dict(line.split("=") for line in body(export(result, "li-init")) if "=" in line)
+    numbers = {label.split("(")[0].strip(): [float(v) for v in values.split()] for label, values in told.items()}
+    assert numbers["Bias of Gyroscope"] == [0.001, -0.002, 0.003]
+    assert numbers["Bias of Accelerometer"] == [0.01, 0.02, -0.03]
+    assert numbers["Gravity in World Frame"] == [0.0, 0.0, -9.81234]
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_sentence_and_self_check_hold(name: str) -> None:
     """The two sentences, computed again with another library. Fails if they are missing, or say the inverse."""

@@ -70,8 +70,9 @@ def test_under_noise_the_errors_are_as_large_as_the_error_bars(
     std = np.concatenate([np.radians(result.uncertainty.rotation_std_deg), result.uncertainty.translation_std_m])
     np.testing.assert_allclose(std, np.sqrt(np.diag(covariance))[:6], rtol=1e-9)
     assert result.uncertainty.time_offset_std_s == pytest.approx(np.sqrt(covariance[6, 6]))
-    np.testing.assert_allclose(result.gyroscope_bias_rad_s, truth.gyro_bias_rad_s, atol=1e-3)
-    np.testing.assert_allclose(result.accelerometer_bias_m_s2, truth.accel_bias_m_s2, atol=0.06)
+    # Off by 0.0003 rad/s and 0.016 m/s2; biases of zero would be by 0.002 and 0.05 at least, each of them.
+    np.testing.assert_allclose(result.gyroscope_bias_rad_s, truth.gyro_bias_rad_s, atol=6e-4)
+    np.testing.assert_allclose(result.accelerometer_bias_m_s2, truth.accel_bias_m_s2, atol=0.03)
 
 
 def test_the_document_says_one_thing_in_all_its_forms(noisy: tuple[Recording, Truth], calibrated: Calibration) -> None:

@@ -34,7 +34,7 @@ def test_motion_alone_has_next_to_no_noise():
 def test_knocks_and_gaps_do_not_count():
     """1 % of wild readings and a gap of a second change it by a tenth at most.
 
-    Mutation: the mean square in place of the median.
+    Mutation: the mean square in place of the median. One gap is no more than a knock to a median: `test_many_gaps`.
     """
     rng = np.random.default_rng(17)
     t = np.arange(3000) / 100.0
@@ -42,6 +42,13 @@ def test_knocks_and_gaps_do_not_count():
     y = motion(t) + 0.02 * rng.normal(size=(3000, 2))
     y[rng.choice(3000, 30, replace=False)] += 50.0
     np.testing.assert_allclose(high_frequency_noise(t, y), 0.02, rtol=0.15)
+
+
+def test_many_gaps():
+    """Half a second after every twelfth reading, over which motion bends. Mutation: stretches with a gap kept (34 % more)."""
+    t = np.arange(3000) / 100.0 + 0.5 * (np.arange(3000) // 12)
+    y = motion(t) + 5e-4 * np.random.default_rng(18).normal(size=(3000, 2))
+    np.testing.assert_allclose(high_frequency_noise(t, y), 5e-4, rtol=0.1)
 
 
 def test_too_few_readings():

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from calib_core.doctor import inspect
 from calib_core.readers.load import load
 from calib_core.readers.timing.clocks import coarse_clock_offset, stamp_end_suspicion
 from calib_core.readers.timing.stamps import plausible_stamps
@@ -70,6 +71,26 @@ def test_scans_that_arrive_too_early_carry_the_end_stamp() -> None:
         assert stamp_end_suspicion(wrong - header, wrong[0] - imu_header, 0.1, 0.1, "/p") is None
     # receive times copied from headers say nothing
     assert stamp_end_suspicion(np.zeros(100, np.int64), np.zeros(1000, np.int64), 0.1, 0.1, "/p") is None
+
+
+@pytest.mark.parametrize("at_end", [True, False])
+def test_a_stamp_of_the_sweeps_end_is_told_by_calibration_and_inspection(tmp_path: Path, at_end: bool) -> None:
+    """A whole recording: 5 ms after their header, or 105 ms. Mutations: receive times added to headers; the IMU's stamps in the
+    lidar's place; when the last point was taken not handed on; told of every recording.
+    """
+    early_ns = PERIOD_NS if at_end else 0
+    clouds = [
+        (topic, kind, receive_ns - early_ns, body)
+        for topic, kind, receive_ns, body in build.velodyne_messages(30, cdr=False)
+    ]
+    path = build.write_ros1(tmp_path / "r.bag", build.in_order(clouds, build.still_imu(3.0, cdr=False)))
+    for findings in (load(path, ReadSettings()).findings, inspect(path, ReadSettings()).findings):
+        told = [finding for finding in findings if finding.code == "clock.stamp_at_end"]
+        assert len(told) == at_end
+        assert not any(finding.code == "clock.epochs" for finding in findings)
+        if at_end:
+            assert "arrive 5 ms after their header" in told[0].text
+            assert "their last point is 99 ms after it" in told[0].text
 
 
 def test_a_clock_that_was_set_is_not_damage() -> None:

@@ -66,9 +66,25 @@ def test_what_counts_is_said_with_its_size_and_what_it_could_do() -> None:
     assert [text.split("(")[1].split(",")[0] for _, text in told] == ["40 millionths", "0.30 deg"]
 
 
+#: A thousandth of each unit, in the words that people use.
+SIZES = {
+    "1": "0.10 %",
+    "rad": "0.057 deg",
+    "m": "1.0 mm",
+    "s": "1.0 ms",
+    "ppm": "0.0010 millionths",
+    "rad/s/(m/s2)": "0.56 deg/s a g",
+    "1/(m/s2)": "0.0010 1/(m/s²)",
+    "s2": "0.0010 s²",
+    "s3": "0.0010 s³",
+}
+
+
 @pytest.mark.parametrize("block", KINDS)
 def test_every_block_has_words_and_a_size(block: Block) -> None:
-    """What widens most comes first. Mutations: a block without words; the least first."""
+    """What widens most comes first. Seen: an accelerometer's bend and a filter's smear in deg/s a g. Mutations: a block without
+    words; the least first; any two units' words exchanged.
+    """
     seven = np.concatenate([np.zeros(3), PLACES, [0.0]])
     more = _one("range_offset" if block != "range_offset" else "incidence", 2.0 * seven)
     covariance = np.diag(np.full(CALIBRATION, 1e-8) + seven**2 + (2.0 * seven) ** 2)
@@ -76,6 +92,7 @@ def test_every_block_has_words_and_a_size(block: Block) -> None:
     assert len(told) == 2
     assert "1.0 mm" in told[0][1]
     assert "0.50 mm" in told[1][1]
+    assert f"({SIZES[UNITS[block]]}, 1 sigma)" in told[1][1]
 
 
 def test_a_time_offset_that_was_held_is_moved_by_nothing() -> None:
