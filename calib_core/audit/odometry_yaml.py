@@ -94,6 +94,8 @@ def _loaded(text: str) -> object:
     plain = re.sub(r"^%YAML.*$", "", text, flags=re.MULTILINE)  # OpenCV's first line is none of YAML's
     try:
         return YAML(typ="safe", pure=True).load(plain)
+    except RecursionError as error:
+        raise unfit("this YAML cannot be read (it is nested too deep)") from error
     except YAMLError as error:
         raise unfit(f"this YAML cannot be read ({_problem(error)})") from error
 
