@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from calib_core.simulate.wishes import Take
 
 __all__ = [
+    "asks_for_frames",
     "audit",
     "calibrate",
     "covers",
@@ -272,6 +273,13 @@ def extrinsic_text(path: str | Path) -> tuple[str, bool]:
 
     text = given.extrinsic_text(Path(path))
     return text, given.asks_for_frames(text)
+
+
+def asks_for_frames(text: str) -> bool:
+    """Whether `parse_extrinsic` needs the recording's frames for a text: a URDF has many links."""
+    from calib_core.audit import given
+
+    return given.asks_for_frames(text)
 
 
 def parse_extrinsic(
