@@ -314,7 +314,7 @@ def deskew(
 
     out: without suffix a folder of .ply or .pcd files, else a bag of the same kind.   map_out: .ply or .pcd for the
     accumulated map beside it.   correct_lasers: take out what the calibration found of the lasers (offsets and scales of
-    ranges, angles), too, of scans and map.
+    ranges, angles), too, of scans and map.   settings: topics that they leave open are the result's, where several fit.
     """
     from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector
     from calib_core.readers.container.unpacked import kept_unpacked
@@ -332,7 +332,14 @@ def deskew(
         check_output(path, out, map_out)
         # The map waits until the scans are in their place: whoever is stopped, or fails, on the way leaves neither.
         made_map = None if map_out is None else until_done.enter_context(placed_last(map_out))
-        recording = read(path, settings, on_event=on_event, should_cancel=should_cancel)
+        found_in = result.provenance.recording
+        recording = read(
+            path,
+            settings,
+            topics_before=(found_in.lidar_topic, found_in.imu_topic),
+            on_event=on_event,
+            should_cancel=should_cancel,
+        )
         motion = held_motion(
             recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
         )
