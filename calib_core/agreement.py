@@ -23,8 +23,6 @@ SAME_M = 1.5e-6
 #: A quaternion or a matrix of six decimals turns by up to 2e-6.
 SAME_RAD = 3e-6
 SAME_NS = 1000
-#: The largest time offset: stamps are 64-bit nanoseconds, and epochs no further apart than 285 years.
-FARTHEST_S = 9e9
 #: What to do about two forms of one thing, where neither has to be there.
 LEAVE_ONE_OUT = ", of which one has to be left out"
 

@@ -15,7 +15,6 @@ import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from calib_core.agreement import (
-    FARTHEST_S,
     LEAVE_ONE_OUT,
     forms_contradict,
     is_result,
@@ -26,7 +25,7 @@ from calib_core.agreement import (
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
 from calib_core.result import RESULT_SCHEMA, CalibrationResult
-from calib_core.settings import ImuNoise
+from calib_core.settings import FARTHEST_S, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 #: An outline's corners lie in their plane, but for digits left out.

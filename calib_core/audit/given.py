@@ -23,7 +23,6 @@ from typing import Literal
 import numpy as np
 
 from calib_core.agreement import (
-    FARTHEST_S,
     LEAVE_ONE_OUT,
     forms_contradict,
     is_result,
@@ -34,6 +33,7 @@ from calib_core.agreement import (
 from calib_core.audit.pose import FORMS, GivenExtrinsic, Instant, inverse, transform_of, unfit
 from calib_core.errors import InputError
 from calib_core.geometry import ROTATION_TOLERANCE
+from calib_core.settings import FARTHEST_S
 from calib_core.types import FloatArray
 
 Direction = Literal["imu_lidar", "lidar_imu"]

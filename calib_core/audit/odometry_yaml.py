@@ -16,8 +16,9 @@ from decimal import Decimal
 
 import numpy as np
 
-from calib_core.agreement import FARTHEST_S, poses_apart
+from calib_core.agreement import poses_apart
 from calib_core.audit.pose import GivenExtrinsic, inverse, transform_of, unfit
+from calib_core.settings import FARTHEST_S
 from calib_core.types import FloatArray
 
 #: Subtracted from the IMU's stamps by the programs that know them.
