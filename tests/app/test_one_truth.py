@@ -7,6 +7,7 @@ import io
 import re
 from collections.abc import Collection
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -23,9 +24,10 @@ from app.planes.operations import apply
 from app.planes.state import suggested
 from app.planes.strength import Strength, foreseen
 from app.planes.upright import Room
+from app.results.chance import zero_crossings_told
 from app.results.command import command_of
 from app.results.report import report_page
-from app.results.verdict import CONTRADICTED, DISAGREEMENT, solve_outcome, verdict
+from app.results.verdict import CONTRADICTED, DISAGREEMENT, disagreeing, solve_outcome, verdict
 from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.schemas.view import ChangeView
@@ -37,6 +39,8 @@ from calib_core.audit.limits import Limits
 from calib_core.doctor.report import Forecast, ParameterForecast
 from calib_core.errors import SettingsError
 from calib_core.events import IterationEvent
+from calib_core.full.assess.budget_sentences import say_disagreement
+from calib_core.full.assess.disagreement import Disagreement
 from calib_core.full.assess.observability import LIMITS, UNITS
 from calib_core.full.prepare.settings import LENGTH
 from calib_core.result import (
@@ -146,6 +150,42 @@ def test_another_axis_may_be_the_worst_without_a_plane() -> None:
     found = foreseen(FORECAST, growth)
     assert found is not None
     assert (found.name, found.std, found.weak) == ("Turn x", pytest.approx(0.45), False)
+
+
+def test_what_disagrees_is_named_and_no_sentence_below_says_otherwise():
+    """A page said that parts disagree by more than noise explains, and of stretches of time that they lie as noise has it: it was
+    places on the planes. Oracle: the library's own sentence, all ways of it. Mutations: not named; one of several words cut off;
+    stretches that contradict each other are as noise has them, on the page or in the report; planes taken for stretches.
+    """
+    blocks = world.make_evidence().parts.time_blocks
+    nothing, more = np.zeros((7, 7)), np.eye(7)
+
+    def answered(*beyond):
+        run = SimpleNamespace(said=[])
+        run.say = lambda *words: run.said.append(words)
+        ways = ("time", "surfaces", "planes", "range", "lasers")
+        say_disagreement(run, [Disagreement(way, 1.74, more if way in beyond else nothing) for way in ways], more)
+        (level, code, text), evidence = run.said[0], world.make_evidence()
+        said = Message(code=code, level=level, text=text)
+        return world.make_result().model_copy(update={"evidence": evidence, "messages": [said]})
+
+    bent = answered("surfaces")
+    assert verdict(bent).startswith(
+        "Calibrated. Parts of the recording (places on the planes) disagree by more than noise"
+    )
+    assert solve_outcome(bent).stretches == "48 of 56 bars do, as noise has it"
+    assert "lie farther off" not in report_page(bent)
+    torn = answered("time", "surfaces", "planes", "range", "lasers")
+    every = ["stretches of time", "places on the planes", "planes", "near and far points", "lasers"]
+    assert disagreeing(torn) == every
+    assert (
+        solve_outcome(torn).stretches == "48 of 56 bars do, but some of the others lie farther off than noise explains"
+    )
+    assert report_page(torn).count("but some of the others lie farther off than noise explains") == 2
+    assert report_page(answered("time")).count("lie farther off than noise explains") == 1
+    assert report_page(answered("planes")).count("lie farther off than noise explains") == 1
+    far = [block.model_copy(update={"translation_shift_m": [9.0] * 3, "time_offset_shift_s": 9.0}) for block in blocks]
+    assert zero_crossings_told(far, torn=True).endswith("bars do, fewer than noise explains")
 
 
 def test_what_disagrees_is_in_the_first_sentence_and_in_the_colour():
