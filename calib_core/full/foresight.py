@@ -119,7 +119,7 @@ def narrowed_scatter(
     L = kept * np.maximum(values, 0.0) @ kept.T
     h = kept @ kept.T @ (np.linalg.solve(C_left, c_left) - np.linalg.solve(C_whole, c_whole))
     # The moments' law is of x, y, z and the distance d: all but the 1 of y = [x, 1, d].
-    x_and_d = np.array([0, 1, 2, 4])
+    x_and_d = np.delete(np.arange(scatter.shape[-1]), 3)
     weight = scatter[:, 3, 3]
     mean = scatter[:, x_and_d, 3] / weight[:, None]
     spread = scatter[:, x_and_d[:, None], x_and_d] / weight[:, None, None] - mean[:, :, None] * mean[:, None, :]
@@ -156,9 +156,9 @@ def _moments(corners: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     area = float(areas.sum())
     centres = (first + second + third) / 3.0
     centre = areas @ centres / area
-    # An even spread over a triangle has a twelfth of its corners' squares about its own centre.
+    # An even spread over a simplex of n corners has one in n (n + 1) of their squares about its own centre.
     arms = [np.broadcast_to(each, centres.shape) - centres for each in (first, second, third)]
-    own = sum(np.einsum("t,ti,tj->ij", areas, arm, arm) for arm in arms) / 12.0
+    own = sum(np.einsum("t,ti,tj->ij", areas, arm, arm) for arm in arms) / (len(arms) * (len(arms) + 1))
     away = centres - centre
     return centre, (own + np.einsum("t,ti,tj->ij", areas, away, away)) / area, area
 
