@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from calib_core.simulate.wishes import Take
 
 __all__ = [
+    "asks_for_frames",
     "audit",
     "calibrate",
     "covers",
@@ -317,6 +318,13 @@ def extrinsic_text(path: str | Path) -> tuple[str, bool]:
     return text, given.asks_for_frames(text)
 
 
+def asks_for_frames(text: str) -> bool:
+    """Whether `parse_extrinsic` needs the recording's frames for a text: a URDF has many links."""
+    from calib_core.audit import given
+
+    return given.asks_for_frames(text)
+
+
 def parse_extrinsic(
     text: str, *, direction: Direction = "imu_lidar", frames: tuple[str, str] | None = None
 ) -> GivenExtrinsic:
@@ -350,7 +358,7 @@ def deskew(
     result: the calibration to do it with, which is held.   out: without suffix a folder of .ply or .pcd files (`cloud_format`),
     else a bag of the same kind as the recording.   map_out: .ply or .pcd file for the accumulated map; None: no map.
     correct_lasers: correct the points, of scans and map, by what the calibration found of the lasers (offsets and scales of
-    ranges, angles).
+    ranges, angles).   settings: topics that they leave open are the result's, where several fit.
     Raises InputError where the recording cannot be read, `out` cannot be written, the result is `refused`, or there is no motion
     to lay a map with; Cancelled. Neither scans nor map are left behind then.
     """
@@ -370,7 +378,14 @@ def deskew(
         check_output(path, out, map_out)
         # The map waits until the scans are in their place: whoever is stopped, or fails, on the way leaves neither.
         made_map = None if map_out is None else until_done.enter_context(placed_last(map_out))
-        recording = read(path, settings, on_event=on_event, should_cancel=should_cancel)
+        found_in = result.provenance.recording
+        recording = read(
+            path,
+            settings,
+            topics_before=(found_in.lidar_topic, found_in.imu_topic),
+            on_event=on_event,
+            should_cancel=should_cancel,
+        )
         motion = held_motion(
             recording, result, correct_lasers=correct_lasers, on_event=on_event, should_cancel=should_cancel
         )

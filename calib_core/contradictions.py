@@ -1,4 +1,4 @@
-"""One thing said twice in a file that somebody hands over: a pose in two forms, a time in two units.
+"""One thing said twice in a file that somebody hands over: a pose in two forms, a time in two units, a key in one object.
 
 Whoever edits one of two forms means that one; a fixed order of precedence would take the other in silence. Each check
 returns what is wrong as the middle of a sentence, or None.
@@ -6,13 +6,16 @@ returns what is wrong as the middle of a sentence, or None.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from itertools import combinations
 
 import numpy as np
 
 from calib_core.geometry import log
+from calib_core.result import RESULT_SCHEMA
 from calib_core.types import FloatArray
 
 #: Six printed decimals on either side: one in the last of them, and a half for binary fractions.
@@ -20,10 +23,11 @@ SAME_M = 1.5e-6
 #: A quaternion or a matrix of six decimals turns by up to 2e-6.
 SAME_RAD = 3e-6
 SAME_NS = 1000
-#: The largest time offset: stamps are 64-bit nanoseconds, and epochs no further apart than 285 years.
-FARTHEST_S = 9e9
 #: What to do about two forms of one thing, where neither has to be there.
 LEAVE_ONE_OUT = ", of which one has to be left out"
+
+#: Of a key that no program of ours knows, so much is told.
+_LONGEST_KEY = 60
 
 #: Keys that mean a mounting, of which a guess knows one.
 _TRANSFORM = re.compile(
@@ -61,6 +65,34 @@ def times_contradict(offset_s: float | None, offset_ns: int | None) -> str | Non
     if offset_s is None or offset_ns is None or abs(round(offset_s * 1e9) - offset_ns) <= SAME_NS:
         return None
     return f"its time_offset_s of {offset_s} s and its time_offset_ns of {offset_ns} ns are different times"
+
+
+def key_twice(text: str) -> str | None:
+    """What is wrong with a JSON text of which an object has a key twice: JSON's readers take the last, whichever was meant.
+
+    None, too, of what is no JSON: whoever reads it says so.
+    """
+    twice: list[str] = []
+
+    def note(pairs: list[tuple[str, object]]) -> None:
+        seen: set[str] = set()
+        for key, _ in pairs:
+            if key in seen:
+                twice.append(key)
+            seen.add(key)
+
+    with suppress(ValueError, RecursionError):
+        json.loads(text, object_pairs_hook=note)
+        if twice:
+            return (
+                f"the key {twice[0][:_LONGEST_KEY]!r} stands twice in one object of it, of which one has to be left out"
+            )
+    return None
+
+
+def is_result(document: Mapping[str, object]) -> bool:
+    """Whether a JSON document is a result: of what it has beside the known keys a later version knows the meaning."""
+    return document.get("schema") == RESULT_SCHEMA and "T_imu_lidar" in document
 
 
 def strange_transform(keys: Iterable[str]) -> str | None:

@@ -5,6 +5,8 @@ Each reader says in one sentence what it expected, what it found and in which fi
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal, TypeVar
@@ -12,11 +14,18 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
-from calib_core.contradictions import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
+from calib_core.contradictions import (
+    LEAVE_ONE_OUT,
+    forms_contradict,
+    is_result,
+    key_twice,
+    strange_transform,
+    times_contradict,
+)
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
-from calib_core.result import CalibrationResult
-from calib_core.settings import ImuNoise
+from calib_core.result import RESULT_SCHEMA, CalibrationResult
+from calib_core.settings import FARTHEST_S, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane
 
 #: An outline's corners lie in their plane, but for digits left out.
@@ -71,9 +80,12 @@ class _GuessFile(BaseModel):
 
 
 def read_result(path: str | Path) -> CalibrationResult:
-    """The result document in `path`; refused where its forms of the answer differ, of which each use takes another."""
-    expected = "a result of `unsweep calibrate` (schema unsweep.calibration/1)"
-    result = _read(path, CalibrationResult, expected)
+    """The result document in `path`; refused where its forms of the answer differ, of which each use takes another.
+
+    Keys that this version does not know are passed over: a later one may add some.
+    """
+    expected = f"a result of `unsweep calibrate` (schema {RESULT_SCHEMA})"
+    result = _read(path, CalibrationResult.from_json, expected)
     wrong = _differing_forms(result)
     if wrong is not None:
         raise SettingsError(
@@ -102,19 +114,23 @@ def read_planes(path: str | Path) -> tuple[Plane, ...]:
     convex polygon in the plane, in order. Only what lies within it is then used of the plane. "suggested": true says of an
     entry that nobody chose it: it is left out of the answer where it turns out to be doubtful.
     """
-    entries = _read(path, _PlanesFile, 'planes ({"schema": "unsweep.planes/1", "planes": [...]})').planes
+    entries = _read(
+        path, _PlanesFile.model_validate_json, 'planes ({"schema": "unsweep.planes/1", "planes": [...]})'
+    ).planes
     return tuple(_plane(entry, path) for entry in entries)
 
 
 def read_imu_noise(path: str | Path) -> ImuNoise:
     """The noise densities in `path`."""
-    return _read(path, ImuNoise, "noise densities (gyroscope_noise_density_rad_s_sqrt_hz and the others)")
+    return _read(
+        path, ImuNoise.model_validate_json, "noise densities (gyroscope_noise_density_rad_s_sqrt_hz and the others)"
+    )
 
 
 def read_initial_guess(path: str | Path) -> InitialGuess:
     """The start values in `path`: any subset of a result's `T_imu_lidar` and `time_offset_s`."""
     expected = "an initial guess (any of T_imu_lidar and time_offset_s, as in a result)"
-    guess = _read(path, _GuessFile, expected)
+    guess = _read(path, _guess_of, expected)
     wrong = strange_transform(guess.model_extra or ())
     if wrong is None and (apart := times_contradict(guess.time_offset_s, guess.time_offset_ns)) is not None:
         wrong = f"{apart}{LEAVE_ONE_OUT}"
@@ -147,7 +163,18 @@ def make_initial_guess(matrix: list[list[float]] | None, time_offset_s: float | 
     )
 
 
-def _read(path: str | Path, model: type[_Model], expected: str) -> _Model:
+def _guess_of(text: str) -> _GuessFile:
+    """A guess from its text. What a result has beside the keys that are known is a later version's, and no slip of the pen."""
+    try:
+        document = json.loads(text)
+    except (ValueError, RecursionError):
+        document = None
+    lenient = isinstance(document, dict) and is_result(document)
+    return _GuessFile.model_validate_json(text, extra="ignore" if lenient else None)
+
+
+def _read(path: str | Path, parse: Callable[[str], _Model], expected: str) -> _Model:
+    """What `parse` makes of the text in `path`, which raises ValidationError where it is something else."""
     try:
         text = Path(path).read_text(
             encoding="utf-8-sig"
@@ -157,8 +184,10 @@ def _read(path: str | Path, model: type[_Model], expected: str) -> _Model:
         raise SettingsError(
             f"Expected {expected} in {path}, but it cannot be read ({reason}); check the name."
         ) from error
+    if (twice := key_twice(text)) is not None:
+        raise SettingsError(f"Expected {expected} in {path}, but {twice}; correct the file.")
     try:
-        return model.model_validate_json(text)
+        return parse(text)
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the document"

@@ -7,7 +7,7 @@ to express it in the lidar clock. Covariance: R_imu_lidar Exp(r) on the right [r
 
 from __future__ import annotations
 
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -27,6 +27,7 @@ AXIS_WORDS: dict[Axis, str] = {
 #: Beyond which standard deviation (1 sigma) along any of them an answer is weak.
 WEAK_DEG, WEAK_M, WEAK_S = 0.5, 0.020, 0.002
 Status = Literal["calibrated", "weak", "refused"]
+RESULT_SCHEMA: Literal["unsweep.calibration/1"] = "unsweep.calibration/1"
 
 
 class _Model(BaseModel):
@@ -235,7 +236,7 @@ class Provenance(_Model):
 class CalibrationResult(_Model):
     """The whole document. Where `status` is refused the answer's fields are None and `messages` has the reasons."""
 
-    schema_: Literal["unsweep.calibration/1"] = Field(default="unsweep.calibration/1", alias="schema")
+    schema_: Literal["unsweep.calibration/1"] = Field(default=RESULT_SCHEMA, alias="schema")
     status: Status
     messages: list[Message]
     T_imu_lidar: Transform | None
@@ -273,6 +274,14 @@ class CalibrationResult(_Model):
     )
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True)
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """The document in a text; keys that this version does not know are passed over, since a later one may add some.
+
+        Raises pydantic's ValidationError where it is none.
+        """
+        return cls.model_validate_json(text, extra="ignore")
 
     def to_json(self) -> str:
         """The document as indented JSON text, ending in a newline."""

@@ -20,6 +20,8 @@ PAPER_FIELD_OF_VIEW_DEG = 45.0
 #: Standard deviation of gravity's magnitude once the latitude is known: altitude takes away 0.003 m/s2 a kilometre,
 #: local anomalies are below 0.001 m/s2.
 LATITUDE_GRAVITY_STD_M_S2 = 0.005
+#: The largest time offset [s]: stamps are 64-bit nanoseconds, and epochs no further apart than 285 years.
+FARTHEST_S = 9e9
 
 
 class _Settings(BaseModel):

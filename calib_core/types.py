@@ -181,6 +181,14 @@ class Plane:
 
 
 @dataclass(frozen=True, slots=True)
+class Narrowed:
+    """A plane of which only a part is left. whole, left: (K, 3) [m] corners of convex outlines with an area, map frame."""
+
+    whole: FloatArray
+    left: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
 class PlanePatch:
     """A detected plane with what a person needs to judge it.
 

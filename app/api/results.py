@@ -5,10 +5,11 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from fastapi.responses import HTMLResponse, PlainTextResponse
 
+from app.recordings.frames import frames_of
 from app.results.extrinsic_text import parse_extrinsic
 from app.schemas.results import Command, ExtrinsicText, Runs, ScanQuality, Thickness
 from app.schemas.view import OldExtrinsic
-from app.server.deps import GuestDep, JobDep, RecordingDep, ServicesDep
+from app.server.deps import GuestDep, JobDep, RecordingDep, ServicesDep, WishedRecordingDep
 from calib_core.result import CalibrationResult
 
 router = APIRouter(prefix="/api", tags=["results"])
@@ -59,9 +60,13 @@ def download_map(services: ServicesDep, job: JobDep, *, dark: bool = False) -> H
 
 
 @router.post("/extrinsic")
-def read_extrinsic(wish: ExtrinsicText) -> OldExtrinsic:
-    """An extrinsic from a result, a matrix, or a position and a quaternion, as the view takes it."""
-    return parse_extrinsic(wish.text, wish.direction)
+def read_extrinsic(wish: ExtrinsicText, meant_for: WishedRecordingDep) -> OldExtrinsic:
+    """An extrinsic from a result, a URDF, an odometry's settings, a matrix, or a position and a quaternion, as the view takes it.
+
+    `recording_id`: which recording it is meant for; the frames of its sensors are looked for among a URDF's links.
+    """
+    frames = ("", "") if meant_for is None else frames_of(meant_for)
+    return parse_extrinsic(wish.text, wish.direction, frames)
 
 
 @router.get("/results/{job_id}/report", response_class=HTMLResponse)

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from app.cli.terminal import LEVEL_STYLES, bullet
 from app.results.sensors import biggest_of_sensors
-from app.results.verdict import rests_on, sigma_of_offset, tone, verdict
+from app.results.verdict import offset_holds, rests_on, sigma_of_offset, tone, verdict
 from app.schemas.jobs import Tone
 from calib_core.result import CalibrationResult, Transform, Uncertainty
 from calib_core.sigmas import std_row, value_row
@@ -31,6 +31,8 @@ def result_summary(result: CalibrationResult) -> RenderableType:
     parts: list[RenderableType] = [Text(verdict(result), style=_TONE_STYLES[tone(result)])]
     if result.T_imu_lidar is not None and result.uncertainty is not None and result.time_offset_s is not None:
         parts.append(_numbers(result.T_imu_lidar, result.uncertainty, result.time_offset_s, sigma_of_offset(result)))
+        if holds := offset_holds(result):
+            parts.append(Text(holds, style="dim"))
     parts.append(Text(rests_on(result), style="dim"))
     parts += _remarks(result)
     parts += _of_sensors(result)

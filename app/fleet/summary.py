@@ -74,7 +74,7 @@ def row_of(order: FleetOrder, outcome: FleetOutcome, tries: int, lay: Stored | N
     facts = {"duration_s": round(outcome.duration_s, 3), "tries": tries, **_facts_of_order(order, lay)}
     if outcome.document is None:
         return Row.model_validate(facts | {"verdict": "failed", "code": outcome.code, "sentence": outcome.text})
-    return Row.model_validate(facts | _facts_of_result(CalibrationResult.model_validate_json(outcome.document)))
+    return Row.model_validate(facts | _facts_of_result(CalibrationResult.from_json(outcome.document)))
 
 
 def _facts_of_order(order: FleetOrder, lay: Stored | None) -> dict[str, object]:
@@ -150,7 +150,7 @@ def documented(order: FleetOrder, folder: Path, rows: Mapping[str, Row]) -> Row 
 def _document(name: str, folder: Path) -> CalibrationResult | None:
     """The document of that name; None where there is none, or another program's."""
     try:
-        return CalibrationResult.model_validate_json((folder / f"{name}.json").read_text(encoding="utf-8"))
+        return CalibrationResult.from_json((folder / f"{name}.json").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
 

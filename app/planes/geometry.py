@@ -21,6 +21,8 @@ LEAST_EIGENVALUE = 0.05
 #: How thick a slab around a grown plane is: so many of its standard deviations, and never less than this.
 SLAB_STDS = 3.0
 SLAB_LEAST_M = 0.03
+#: A part of an outline below this share of it is a line.
+LEAST_LEFT = 1e-3
 #: Points this far outside an outline still count: the corners are points themselves, in float32.
 EDGE_M = 1e-3
 #: A solve counts no point further than that from a plane's own origin, along the plane.
@@ -158,6 +160,22 @@ def solved_outline(patch: EditedPatch, region: Sequence[Side]) -> FloatArray | N
         return None
     # A box may miss the fitted plane where the patch's points scatter about it: then what was seen of it has to do.
     return corners if len(corners) >= 3 else np.array(patch.outline_m).reshape(-1, 3)
+
+
+def left_of(corners_m: FloatArray, sides: Sequence[Side]) -> FloatArray | None:
+    """What half-spaces leave of a convex outline (K, 3); None where that is all of it, no corners where it is next to nothing."""
+    left = corners_m
+    for *side, offset_m in sides:
+        left = _cut(left, left @ np.array(side) + offset_m)
+    if left is corners_m:
+        return None
+    return left if area_m2(left) > LEAST_LEFT * area_m2(corners_m) else np.zeros((0, 3))
+
+
+def area_m2(corners_m: FloatArray) -> float:
+    """Of a convex outline (K, 3); 0 where it is none."""
+    arms = corners_m[1:] - corners_m[:1]
+    return 0.5 * float(np.linalg.norm(np.cross(arms[:-1], arms[1:]), axis=1).sum()) if len(corners_m) >= 3 else 0.0
 
 
 def _cut(corners_m: FloatArray, height_m: FloatArray) -> FloatArray:

@@ -2,18 +2,20 @@
 
 The doctor's forecast holds for the planes it found. By what its standard deviations grow without some of them is told by the
 forecast's own problem (calib_core/full/foresight.py): they never shrink where a plane is left out, which a measure of how evenly
-directions are spread would. A plane that was grown by hand was not foreseen, and adds nothing.
+directions are spread would. A plane that boxes cut counts by what they leave of its outline. A plane that was grown by hand was
+not foreseen, and adds nothing.
 """
 
 from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Protocol, TypeVar
 
 import numpy as np
 
+from app.planes.geometry import left_of
 from app.planes.state import PlaneSet
 from app.planes.upright import Room
 from app.schemas.planes import Foreseen
@@ -22,16 +24,18 @@ from calib_core import api
 from calib_core.doctor.report import Forecast
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.sigmas import Unit, std_text, tells_nothing
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, Narrowed
 
 
 class Foresight(Protocol):
     """What an inspection has kept."""
 
-    def growth(self, places: Collection[int]) -> FloatArray:
-        """By what the standard deviations of the seven grow with these planes alone, (7,)."""
+    def growth(self, places: Collection[int], narrowed: Mapping[int, Narrowed]) -> FloatArray:
+        """By what the standard deviations of the seven grow with these planes alone, (7,). narrowed: those that were cut."""
 
 
+#: A report, the planes chosen of it, and what is left of those that were cut.
+_Choice = tuple[str, frozenset[int], frozenset[tuple[int, bytes]]]
 Key = TypeVar("Key")
 Value = TypeVar("Value")
 
@@ -45,20 +49,26 @@ class Strength:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._problems: OrderedDict[str, Foresight | None] = OrderedDict()
-        self._growths: OrderedDict[tuple[str, frozenset[int]], FloatArray] = OrderedDict()
+        self._growths: OrderedDict[_Choice, FloatArray] = OrderedDict()
 
     def growth(self, room: Room, mark: str, planes: PlaneSet, suggestion: PlaneSet) -> FloatArray | None:
         """(7,) of the confirmed planes, at least 1; None where it cannot be told.
 
         mark: another one for each report.   suggestion: what was foreseen.
         """
-        left, whole = _members(planes), _members(suggestion)
-        if left >= whole:
+        cut = _cut(planes, suggestion)
+        left, whole = (
+            _members(planes) - {member for member, part in cut.items() if not len(part.left)},
+            _members(suggestion),
+        )
+        if left >= whole and not cut:
             return np.ones(len(AXIS_NAMES))
         # A plane that the report does not list adds nothing to what was foreseen.
         chosen = frozenset(room.ranks[member] for member in left if member in room.ranks)
+        narrowed = {room.ranks[member]: part for member, part in cut.items() if member in left and member in room.ranks}
+        choice = mark, chosen, frozenset((place, part.left.tobytes()) for place, part in narrowed.items())
         with self._lock:
-            known = self._growths.get((mark, chosen))
+            known = self._growths.get(choice)
             if known is None:
                 if mark not in self._problems:
                     kept = None if room.foresight is None else api.foresight(room.foresight)
@@ -66,13 +76,26 @@ class Strength:
                 problem = self._problems[mark]
                 if problem is None or not room.ranks:
                     return None
-                known = problem.growth(chosen)
-                _remember(self._growths, (mark, chosen), known, KEPT_CHOICES)
+                known = problem.growth(chosen, narrowed)
+                _remember(self._growths, choice, known, KEPT_CHOICES)
             return known
 
 
 def _members(planes: PlaneSet) -> set[int]:
     return {member for patch in planes.patches if patch.confirmed for member in patch.members}
+
+
+def _cut(planes: PlaneSet, suggestion: PlaneSet) -> dict[int, Narrowed]:
+    """What boxes leave of the planes as they were found, by member; no corners where that is nothing."""
+    found: dict[int, Narrowed] = {}
+    for patch in planes.patches:
+        sides = (*planes.region, *patch.region)
+        for member in patch.members if patch.confirmed and sides else ():
+            whole = np.array(suggestion.patches[member].outline_m).reshape(-1, 3)
+            left = left_of(whole, sides)
+            if left is not None:
+                found[member] = Narrowed(whole, left)
+    return found
 
 
 def _remember(known: OrderedDict[Key, Value], key: Key, value: Value, most: int) -> None:

@@ -91,22 +91,22 @@ def over_time(scans: ScanQuality) -> str:
     )
 
 
-def time_blocks(blocks: Sequence[TimeBlock]) -> str:
-    """Of the stretches' answers."""
+def time_blocks(blocks: Sequence[TimeBlock], *, torn: bool = False) -> str:
+    """Of the stretches' answers. torn: whether they contradict each other."""
     return (
         f"The recording is cut into {len(blocks)} stretches. Shown is what each of them alone would answer, minus the joint "
         "answer; bars are one standard deviation and are long where the rig hardly turned. Two thirds of the bars or more should "
-        f"cross zero, without a trend: {zero_crossings_told(blocks)}. "
+        f"cross zero, without a trend: {zero_crossings_told(blocks, torn=torn)}. "
         "A drift over time points to a mount that flexes, or to clocks "
         "that run apart."
     )
 
 
-def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswer]) -> str:
-    """Of the planes' answers."""
+def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswer], *, torn: bool = False) -> str:
+    """Of the planes' answers. torn: whether they, or near and far points, contradict each other."""
     return (
         "The same for each plane alone, and for the nearer and the farther half of the points alone; two thirds of the bars "
-        f"should cross zero: {zero_crossings_told([*planes, *ranges])}. "
+        f"should cross zero: {zero_crossings_told([*planes, *ranges], torn=torn)}. "
         "A plane whose short bar lies far from zero is bent or has moved; a difference "
         "between near and far is an error of the lidar's ranges. A row without bars says too little to be drawn on this scale."
     )

@@ -13,12 +13,22 @@ WITHIN_ONE_SIGMA = 0.6827
 ONE_IN = 100
 #: What noise leaves in one recording of six, beyond one standard deviation of the count, is seldom.
 SELDOM = 0.16
+#: What is said of too few.
+TOO_FEW = "fewer than noise explains"
+#: Ways of taking a recording apart, as its document calls them where they contradict each other.
+STRETCHES, PLANES, RANGES = "stretches of time", "planes", "near and far points"
 
 
-def zero_crossings_told(parts: Sequence[OwnAnswer]) -> str:
-    """How many of the bars of one standard deviation hold zero, and whether noise explains so few."""
+def zero_crossings_told(parts: Sequence[OwnAnswer], *, torn: bool = False) -> str:
+    """How many of the bars of one standard deviation hold zero, and whether noise explains so few.
+
+    torn: whether these parts are known to contradict each other, as few that lie far off make them, however many hold zero.
+    """
     crossing, bars = crossing_zero(parts)
-    return f"{crossing} of {bars} bars do, {as_chance_has(crossing, bars)}"
+    chance = as_chance_has(crossing, bars)
+    if torn and chance != TOO_FEW:
+        chance = "but some of the others lie farther off than noise explains"
+    return f"{crossing} of {bars} bars do, {chance}"
 
 
 def as_chance_has(crossing: int, bars: int) -> str:
@@ -26,7 +36,7 @@ def as_chance_has(crossing: int, bars: int) -> str:
     p = WITHIN_ONE_SIGMA
     so_few = sum(math.comb(bars, k) * p**k * (1.0 - p) ** (bars - k) for k in range(crossing + 1))
     if so_few < 1.0 / ONE_IN:
-        return "fewer than noise explains"
+        return TOO_FEW
     return "as noise has it" if so_few > SELDOM else "few, which noise alone may come to"
 
 

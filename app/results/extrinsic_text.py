@@ -12,12 +12,15 @@ from calib_core.errors import InputError
 Direction = Literal["imu_lidar", "lidar_imu"]
 
 
-def parse_extrinsic(text: str, direction: Direction) -> OldExtrinsic:
-    """The extrinsic as T_imu_lidar. direction: of bare numbers, imu_lidar takes lidar coordinates to the IMU's."""
+def parse_extrinsic(text: str, direction: Direction, frames: tuple[str, str] = ("", "")) -> OldExtrinsic:
+    """The extrinsic as T_imu_lidar. direction: of bare numbers, imu_lidar takes lidar coordinates to the IMU's.
+
+    frames: the IMU's and the lidar's in the recording that it is meant for, to find them among a URDF's links.
+    """
     from scipy.spatial.transform import Rotation
 
     try:
-        given = api.parse_extrinsic(text, direction=direction)
+        given = api.parse_extrinsic(text, direction=direction, frames=frames)
     except InputError as error:
         raise BadRequest(error.code, str(error)) from error
     matrix = given.T_imu_lidar

@@ -17,7 +17,8 @@ import numpy as np
 
 from app.results import captions, plot_parts, plots
 from app.results.beside import Beside
-from app.results.verdict import HEADINGS, offset_holds, rests_on, sigma_of_offset, told, tone
+from app.results.chance import PLANES, RANGES, STRETCHES
+from app.results.verdict import HEADINGS, disagreeing, offset_holds, rests_on, sigma_of_offset, told, tone
 from app.schemas.evidence import Evidence
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
@@ -160,6 +161,7 @@ def _of_parts(result: CalibrationResult) -> list[Figure]:
     if inner is None:
         return []
     found: list[Figure] = []
+    named = disagreeing(result)
     if inner.time_offset_profile is not None:
         picture = plot_parts.offset_profile(inner.time_offset_profile)
         caption = captions.offset_profile(inner.time_offset_profile)
@@ -167,12 +169,12 @@ def _of_parts(result: CalibrationResult) -> list[Figure]:
     if inner.parts.time_blocks:
         picture, caption = (
             plot_parts.time_blocks(inner.parts.time_blocks),
-            captions.time_blocks(inner.parts.time_blocks),
+            captions.time_blocks(inner.parts.time_blocks, torn=STRETCHES in named),
         )
         found.append(Figure("What each stretch of the recording answers alone", picture, caption))
     if inner.parts.planes:
         parts = (inner.parts.planes, inner.parts.ranges)
-        caption = captions.planes_and_ranges(*parts)
+        caption = captions.planes_and_ranges(*parts, torn=PLANES in named or RANGES in named)
         found.append(
             Figure("What each plane and each range answers alone", plot_parts.planes_and_ranges(*parts), caption)
         )

@@ -42,7 +42,7 @@ class ResultService:
 
     def document(self, job: JobRecord) -> CalibrationResult:
         """The result document."""
-        return CalibrationResult.model_validate_json(self._text(job))
+        return CalibrationResult.from_json(self._text(job))
 
     def download(self, job: JobRecord) -> Response:
         """The result document as a file."""
@@ -146,5 +146,5 @@ def _kept(path: Path, model: type[_Model]) -> _Model | None:
 def _matrix(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:
     if not path.is_file():
         return None
-    transform = CalibrationResult.model_validate_json(path.read_text(encoding="utf-8")).T_imu_lidar
+    transform = CalibrationResult.from_json(path.read_text(encoding="utf-8")).T_imu_lidar
     return None if transform is None else np.array(transform.matrix)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from app.results.chance import zero_crossings_told
+import re
+
+from app.results.chance import STRETCHES, zero_crossings_told
 from app.schemas.jobs import SolveOutcome, Tone
 from app.weak_limits import AXIS_NAMES
 from calib_core.counts import counted
@@ -11,6 +13,9 @@ from calib_core.sigmas import decimals, std_text, two_digits
 
 #: The message that says that the recording's parts contradict each other; its text has by how much.
 DISAGREEMENT = "solve.disagreement"
+
+#: One part of what its text has in brackets: "places on the planes 2.4 times".
+_DISAGREEING = re.compile(r"(?P<what>[a-z][a-z ]*[a-z]) [\d.]+ times")
 
 #: The message that says that a plane is doubtful and counts all the same.
 DOUBTED = "planes.doubted"
@@ -25,6 +30,15 @@ HEADINGS: dict[Status, str] = {"calibrated": "Calibrated", "weak": "Weak", "refu
 def disagrees(result: CalibrationResult) -> bool:
     """Whether parts of the recording contradict each other by more than noise explains."""
     return any(message.code == DISAGREEMENT for message in result.messages)
+
+
+def disagreeing(result: CalibrationResult) -> list[str]:
+    """What contradicts each other by more than noise explains, as the message names it: "planes", "stretches of time".
+
+    Empty where nothing does, and where the message does not name it.
+    """
+    said = next((message.text for message in result.messages if message.code == DISAGREEMENT), "")
+    return [each["what"] for each in _DISAGREEING.finditer(said.partition(" (")[2].partition(")")[0])]
 
 
 def doubted(result: CalibrationResult) -> str:
@@ -96,14 +110,16 @@ def told(result: CalibrationResult) -> str:
         if held_offset(result)
         else f"One standard deviation is {turn}, {place} and {clock} at most."
     )
-    parts = "Parts of the recording disagree by more than noise explains; the error bars allow for that."
+    named = disagreeing(result)
+    which = f" ({', '.join(named)})" if named else ""
+    parts = f"Parts of the recording{which} disagree by more than noise explains; the error bars allow for that."
     if result.status == "weak":
         given = [m.text for m in result.messages if m.code == CONTRADICTED and m.level == "warning"]
         weak = result.observability.weak_directions
         if given:
             return _whole(given[0])
         if disagrees(result) and not weak:
-            parts = "Parts of the recording contradict each other, so that errors may be larger than stated."
+            parts = f"Parts of the recording{which} contradict each other, so that errors may be larger than stated."
         known = f"{_whole(weak[0].text)}{_weak_axes(result)}" if weak else known
     if disagrees(result):
         known = f"{parts} {known}"
@@ -136,7 +152,7 @@ def solve_outcome(result: CalibrationResult) -> SolveOutcome:
         tone=tone(result),
         codes=sorted({message.code for message in result.messages if message.level != "info"}),
         planes_used=len(result.quality.planes),
-        stretches=zero_crossings_told(blocks) if blocks else "",
+        stretches=zero_crossings_told(blocks, torn=STRETCHES in disagreeing(result)) if blocks else "",
         translation_m=None if transform is None else transform.translation_m,
         euler_xyz_deg=None if transform is None else transform.euler_xyz_deg,
         time_offset_s=result.time_offset_s,

@@ -150,7 +150,7 @@ class SceneSources:
 
     def _load(self, job: JobRecord) -> Solved:
         folder = self._files.job(job.id)
-        result = CalibrationResult.model_validate_json((folder / "result.json").read_text(encoding="utf-8"))
+        result = CalibrationResult.from_json((folder / "result.json").read_text(encoding="utf-8"))
         matrix: FloatArray = np.eye(4) if result.T_imu_lidar is None else np.array(result.T_imu_lidar.matrix)
         return Solved(
             trajectory=read_trajectory(folder / TRAJECTORY),

@@ -6,6 +6,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from calib_core.settings import FARTHEST_S
+
 
 class WireModel(BaseModel):
     """Base of everything that crosses HTTP. Unknown keys are refused: a misspelt option must not be ignored.
@@ -18,6 +20,9 @@ class WireModel(BaseModel):
 
 #: Names of recordings, jobs and uploads: 128 random bits in hexadecimal, never anything a user typed.
 RecordId = Annotated[str, Field(pattern="^[0-9a-f]{32}$", examples=["5f0c6c9be0b24d9f8c1be9ad0a2f1f0e"])]
+
+#: Added to IMU stamps; as far as the library takes one, in a file too.
+OffsetSeconds = Annotated[float, Field(ge=-FARTHEST_S, le=FARTHEST_S)]
 
 
 class ErrorDetails(WireModel):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from app.schemas.common import ErrorFacts, RecordId, WireModel
+from app.schemas.common import ErrorFacts, OffsetSeconds, RecordId, WireModel
 from calib_core.audit.report import Verdict
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.result import Status
@@ -88,7 +88,7 @@ class InitialGuess(WireModel):
     """Where the solve starts, any subset of the answer's fields; contract's signs and frames."""
 
     matrix: list[list[float]] | None = Field(default=None, description="T_imu_lidar, 4 rows of 4")
-    time_offset_s: float | None = None
+    time_offset_s: OffsetSeconds | None = None
 
 
 class NewJob(WireModel):

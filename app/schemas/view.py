@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, field_validator
 
-from app.schemas.common import ErrorFacts, RecordId, WireModel
+from app.schemas.common import ErrorFacts, OffsetSeconds, RecordId, WireModel
 from app.schemas.jobs import Job
 
 Mode = Literal["planes", "solve", "inspect"]
@@ -42,7 +42,7 @@ class OldExtrinsic(WireModel):
     quaternion_xyzw: tuple[float, float, float, float] = Field(
         description="of unit length, to two digits", examples=[(0.0, 0.0, 0.0, 1.0)]
     )
-    time_offset_s: float | None = Field(default=None, description="None: the answer's own is kept")
+    time_offset_s: OffsetSeconds | None = Field(default=None, description="None: the answer's own is kept")
     name: str = Field(
         default="", max_length=80, description="what it is called on the scene, as a run's; '': an old extrinsic"
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, cast
 
-from fastapi import Depends, Path
+from fastapi import Depends, Path, Query
 from starlette.requests import HTTPConnection
 
 from app.errors import Refused
@@ -12,6 +12,7 @@ from app.server.services import Services
 from app.storage.records import JobRecord, RecordingRecord
 
 _ID = Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits")
+_WISHED_ID = Query(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits")
 
 
 def services_of(connection: HTTPConnection) -> Services:
@@ -35,6 +36,13 @@ def get_recording(
     return services.recordings.get(recording_id)
 
 
+def get_wished_recording(
+    connection: HTTPConnection, services: ServicesDep, recording_id: Annotated[str | None, _WISHED_ID] = None
+) -> RecordingRecord | None:
+    """The recording that a query names, or None."""
+    return None if recording_id is None else get_recording(connection, services, recording_id)
+
+
 def get_job(connection: HTTPConnection, services: ServicesDep, job_id: Annotated[str, _ID]) -> JobRecord:
     """The job named in the path."""
     job = services.jobs.get(job_id)
@@ -55,4 +63,5 @@ async def is_guest(connection: HTTPConnection) -> bool:
 
 GuestDep = Annotated[bool, Depends(is_guest)]
 RecordingDep = Annotated[RecordingRecord, Depends(get_recording)]
+WishedRecordingDep = Annotated[RecordingRecord | None, Depends(get_wished_recording)]
 JobDep = Annotated[JobRecord, Depends(get_job)]

@@ -110,7 +110,7 @@ class Workflow:
         if record.state == "receiving":
             raise Conflict("recording.receiving", "The recording is still arriving; audit it when it is here.")
         self._files.cache_key(record)
-        if not wish.extrinsic.lstrip().startswith("<"):
+        if not api.asks_for_frames(wish.extrinsic):
             parse_extrinsic(wish.extrinsic, wish.direction)
         self._jobs.check_room()
         return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish))

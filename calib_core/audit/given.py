@@ -23,9 +23,17 @@ from typing import Literal
 import numpy as np
 
 from calib_core.audit.pose import FORMS, GivenExtrinsic, Instant, inverse, transform_of, unfit
-from calib_core.contradictions import FARTHEST_S, LEAVE_ONE_OUT, forms_contradict, strange_transform, times_contradict
+from calib_core.contradictions import (
+    LEAVE_ONE_OUT,
+    forms_contradict,
+    is_result,
+    key_twice,
+    strange_transform,
+    times_contradict,
+)
 from calib_core.errors import InputError
 from calib_core.geometry import ROTATION_TOLERANCE
+from calib_core.settings import FARTHEST_S
 from calib_core.types import FloatArray
 
 Direction = Literal["imu_lidar", "lidar_imu"]
@@ -64,6 +72,8 @@ def parse_extrinsic(
     """The extrinsic in a text. Raises InputError with one sentence where it is none."""
     text = text.removeprefix("\ufeff")  # the mark with which some editors begin a file
     document = _json_of(text)
+    if document is not None and (twice := key_twice(text)) is not None:
+        raise unfit(twice)
     if isinstance(document, dict):
         return _from_document(document)
     if asks_for_frames(text):
@@ -81,12 +91,12 @@ def parse_extrinsic(
 def _json_of(text: str) -> object:
     try:
         return json.loads(text)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
 
 
 def _from_document(document: dict[str, object]) -> GivenExtrinsic:
-    wrong = strange_transform(document)
+    wrong = None if is_result(document) else strange_transform(document)
     if wrong is not None:
         raise unfit(wrong)
     matrix = _transform_of_document(document.get("T_imu_lidar"))

@@ -17,7 +17,8 @@ from decimal import Decimal
 import numpy as np
 
 from calib_core.audit.pose import GivenExtrinsic, inverse, transform_of, unfit
-from calib_core.contradictions import FARTHEST_S, poses_apart
+from calib_core.contradictions import poses_apart
+from calib_core.settings import FARTHEST_S
 from calib_core.types import FloatArray
 
 #: Subtracted from the IMU's stamps by the programs that know them.
@@ -94,6 +95,8 @@ def _loaded(text: str) -> object:
     plain = re.sub(r"^%YAML.*$", "", text, flags=re.MULTILINE)  # OpenCV's first line is none of YAML's
     try:
         return YAML(typ="safe", pure=True).load(plain)
+    except RecursionError as error:
+        raise unfit("this YAML cannot be read (it is nested too deep)") from error
     except YAMLError as error:
         raise unfit(f"this YAML cannot be read ({_problem(error)})") from error
 

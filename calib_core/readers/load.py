@@ -28,7 +28,7 @@ from calib_core.readers.scans import StoredScans
 from calib_core.readers.senders import usual_frame
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
-from calib_core.readers.topics import choose_imu, choose_lidar
+from calib_core.readers.topics import as_before, choose_imu, choose_lidar
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding, LidarInfo, Recording
 
@@ -38,12 +38,14 @@ def load(
     settings: ReadSettings,
     *,
     fingerprint: bool = True,
+    topics_before: tuple[str, str] = ("", ""),
     on_event: OnEvent = ignore_event,
     should_cancel: ShouldCancel = never_cancel,
 ) -> Recording:
     """One lidar and one IMU of the recording at `path`, decoded, with every detection as a Finding.
 
     fingerprint: hash all bytes as well; without it `sha256` is empty and a short span is read in a moment.
+    topics_before: the lidar's and the IMU's of an earlier run, which are taken where several fit and the settings name none.
     Raises InputError (one sentence) where the recording cannot be read or lacks something, Cancelled where asked to.
     """
     on_event(StageEvent(stage="read", fraction=0.0, text=f"opening {path.name}"))
@@ -52,6 +54,7 @@ def load(
     with open_recording(path) as recording, ThreadPoolExecutor(1) as hasher:
         digest = hasher.submit(recording_sha256, path, should_stop=failed.is_set) if fingerprint else None
         try:
+            settings = as_before(settings, recording.topics, topics_before)
             loaded = _load_open(recording, settings, on_event, should_cancel)
         except BaseException:
             failed.set()

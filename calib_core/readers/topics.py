@@ -10,6 +10,7 @@ from calib_core.readers.clouds import livox, pointcloud2
 from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES, unsupported_packets
 from calib_core.readers.container.storage import TopicSummary
 from calib_core.readers.imu import messages as imu_messages
+from calib_core.settings import ReadSettings
 
 CLOUD_TYPES = (pointcloud2.TYPE, *livox.TYPES)
 
@@ -47,6 +48,20 @@ def choose_lidar(
 def choose_imu(topics: Sequence[TopicSummary], wanted: str | None, recording: str) -> TopicSummary:
     """The IMU topic: the one named, or the only one that fits."""
     return _choose(topics, imu_topics(topics), wanted, recording, "IMU", "--imu-topic")
+
+
+def as_before(settings: ReadSettings, topics: Sequence[TopicSummary], before: tuple[str, str]) -> ReadSettings:
+    """The settings with topics of an earlier run, the lidar's and the IMU's, where the settings name none and these are there.
+
+    A recording's only topic of its kind is taken whatever it is called: rigs rename theirs.
+    """
+    lidar, imu = before
+    named: dict[str, str] = {}
+    if settings.lidar_topic is None and lidar in {topic.name for topic in lidar_topics(topics)}:
+        named["lidar_topic"] = lidar
+    if settings.imu_topic is None and imu in {topic.name for topic in imu_topics(topics)}:
+        named["imu_topic"] = imu
+    return settings.model_copy(update=named)
 
 
 def _choose(

@@ -83,8 +83,19 @@ class Scenario:
                 )
             changed = replace(changed, duration_s=duration_s)
         if header_at is not None:
+            _check_has_packets(self)
             changed = replace(changed, lidar=replace(changed.lidar, header_at=header_at))
         return changed if noise else replace(changed, noise=False)
+
+
+def _check_has_packets(scenario: Scenario) -> None:
+    """Only a Velodyne driver's clouds are stamped by a packet that can be chosen: of others the wish would be passed over."""
+    if scenario.lidar.layout != "velodyne":
+        raise SettingsError(
+            f"expected a scenario with a Velodyne cloud for a choice of the packet that stamps it, found {scenario.slug}, "
+            f"whose clouds are {scenario.lidar.layout}'s; leave --header-at out, or choose another scenario",
+            code="simulate.header_at",
+        )
 
 
 def checked_mounting(mounting: Mounting) -> Mounting:

@@ -60,6 +60,7 @@ function show(what: React.ReactNode, at = "/") {
 describe("the options of a solve", () => {
   const options = (onSolve = vi.fn()) => (
     <SolveOptions
+      recordingId="1"
       title="How to solve"
       action="Solve again"
       formId="f"

@@ -48,6 +48,26 @@ def test_a_number_that_is_none_is_refused_and_the_list_still_works(shared_live, 
     assert shared_live.http.get("/api/recordings").status_code == 200
 
 
+@pytest.mark.parametrize("offset_s", [9.1e9, -9.1e9, 1e300])
+def test_a_time_offset_is_bounded_as_in_a_file(shared_live, offset_s):
+    """Refused at once with the field's name, and in the API's document; the job failed. Mutations: no bound of a guess; of an old
+    extrinsic."""
+    recording_id = shared_live.upload("any.bag")
+    answer = shared_live.http.post(
+        f"/api/recordings/{recording_id}/jobs", json={"kind": "solve", "initial_guess": {"time_offset_s": offset_s}}
+    )
+    assert (answer.status_code, answer.json()["error"]["details"]["fields"]) == (
+        422,
+        ["body.initial_guess.time_offset_s"],
+    )
+    old = {"translation_m": [0, 0, 0], "quaternion_xyzw": [0, 0, 0, 1], "time_offset_s": offset_s}
+    assert shared_live.http.post(f"/api/recordings/{recording_id}/view", json={"old": old}).status_code == 422
+    schemas = shared_live.http.get("/api/openapi.json").json()["components"]["schemas"]
+    for name in ("InitialGuess", "OldExtrinsic"):
+        either, _ = schemas[name]["properties"]["time_offset_s"]["anyOf"]
+        assert (either["minimum"], either["maximum"]) == (-9e9, 9e9)
+
+
 @pytest.mark.parametrize(
     ("model", "fields"),
     [

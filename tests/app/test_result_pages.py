@@ -57,6 +57,21 @@ def test_an_answer_that_rests_on_what_is_doubtful_says_so_first_and_is_not_green
     )
 
 
+def test_the_summary_says_when_the_time_offset_holds():
+    """As report and page do. Oracle: by hand. Mutations: no word; of clocks that were taken to run alike, too."""
+
+    def told(result):
+        console = Console(width=200, file=io.StringIO(), highlight=False)
+        console.print(result_summary(result))
+        return console.file.getvalue()
+
+    result = world.make_result()
+    assert "after the recording began" not in told(result)
+    result.clock_rate_ppm, result.clock_rate_ppm_std, result.time_offset_at_s = 12.34, 0.42, 9.96
+    words = "The offset holds 10.0 s after the recording began; from there it changes by 12.34 ± 0.42 µs per second."
+    assert words in told(result)
+
+
 def test_an_offset_that_was_held_has_no_sigma():
     """Held by a prior of a nanosecond it would be known to 0.0000010 ms. Mutation: the prior's sigma told, anywhere."""
     result = world.make_result()

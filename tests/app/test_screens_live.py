@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import threading
 
 import numpy as np
@@ -79,6 +80,30 @@ def test_an_old_extrinsic_is_read_shown_and_taken_away(shared_live, solved):
     assert shared_live.http.post(url, json={"old": None}).json()["old_blur"] is None
     refused = shared_live.http.post("/api/extrinsic", json={"text": "1 2 3"})
     assert (refused.status_code, refused.json()["error"]["code"]) == (422, "extrinsic.unfit")
+
+
+def test_a_pasted_urdf_is_read_with_the_recordings_frames(shared_live, solved):
+    """A rig with two lidars, of whose links the recording's frame is one: an audit found it, Inspect and the start value did not.
+
+    Mutations: the recording not asked; IMU and lidar swapped; a mark at the beginning of the text keeps an audit from waiting
+    for the frames.
+    """
+    joint = '<joint type="fixed"><parent link="{}"/><child link="{}"/><origin xyz="{} 0 0"/></joint>'
+    text = "\ufeff<robot>" + joint.format("box", "lidar_low", 0.3) + joint.format("box", "lidar_top", 0.1) + "</robot>"
+    post, url = shared_live.http.post, f"/api/extrinsic?recording_id={solved[0]}"
+    refused = post(url, json={"text": text})
+    assert (refused.status_code, "which link" in refused.json()["error"]["text"]) == (422, True)
+    store = shared_live.services.recordings._store
+    report = json.loads(store.find(solved[0]).report_json)
+    sensors = {"imu": {"frame_id": "box"}, "lidar": {"frame_id": "/lidar_top"}}
+    assert store.change(solved[0], {"report_json": json.dumps(report | sensors)})
+    try:
+        assert post(url, json={"text": text}).json()["translation_m"] == [0.1, 0.0, 0.0]
+        assert post("/api/extrinsic", json={"text": text}).status_code == 422
+    finally:
+        assert store.change(solved[0], {"report_json": json.dumps(report)})
+    assert post(f"/api/extrinsic?recording_id={32 * '0'}", json={"text": text}).status_code == 404
+    assert post(f"/api/recordings/{solved[0]}/audits", json={"extrinsic": text}).status_code == 201
 
 
 def test_an_extrinsic_is_audited_before_any_solve(shared_live):

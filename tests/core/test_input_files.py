@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from scipy.spatial.transform import Rotation
 
+from calib_core.api import read_extrinsic
 from calib_core.audit.limits import read_limits
-from calib_core.errors import SettingsError
+from calib_core.errors import InputError, SettingsError
 from calib_core.input_files import make_initial_guess, read_imu_noise, read_initial_guess, read_planes, read_result
+from calib_core.result import CalibrationResult, Transform
 from tests.core.exporters.results import make_result
 
 ROTATION = Rotation.from_euler("ZYX", [179.9, -1.11, 2.9], degrees=True)
@@ -254,3 +258,92 @@ def test_a_result_written_with_fewer_digits_is_one_result(tmp_path: Path) -> Non
     for whole in ("", *transform):
         document["T_imu_lidar"] = rounded | ({whole: transform[whole]} if whole else {})
         assert read_result(written(tmp_path, document)).T_imu_lidar is not None
+
+
+def later(document: dict[str, object]) -> dict[str, object]:
+    """The document with a key more in every object of it, as a later version of the program may write it."""
+
+    def grown(value: object) -> object:
+        if isinstance(value, dict):
+            return {**{key: grown(part) for key, part in value.items()}, "rotation_to_come": [1.0]}
+        return [grown(part) for part in value] if isinstance(value, list) else value
+
+    settings = document["provenance"]
+    whole = grown(document)
+    assert isinstance(settings, dict)
+    assert isinstance(whole, dict)
+    whole["provenance"] |= {key: settings[key] for key in ("settings", "software")}  # these hold any keys
+    return whole
+
+
+def test_keys_that_a_later_version_adds_to_a_result_are_passed_over(tmp_path: Path) -> None:
+    """The contract: keys may be added. `export` and `deskew` refused the document ("Extra inputs are not permitted"), and so did
+    `--initial-guess`, and an audit where the key sounds like a mounting.
+
+    Mutations: `from_json` without `extra`; the guess never lenient; `is_result` False. What is no result keeps its slips of the
+    pen, and what is written has no unknown key. Mutation: a guess always lenient.
+    """
+    result = make_result(ROTATION.as_matrix(), np.ones(3), -5)
+    path = written(tmp_path, later(json.loads(result.to_json())))
+    assert read_result(path) == result
+    assert CalibrationResult.from_json(path.read_text()).to_json() == result.to_json()
+    guess = read_initial_guess(path)
+    assert guess.time_offset_ns == -5
+    np.testing.assert_allclose(guess.R_imu_lidar, ROTATION.as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(read_extrinsic(path).T_imu_lidar[:3, 3], 1.0)
+    for slip in (
+        {"T_imu_lidar": {"translation_m": [0, 0, 1], "rotation": [1]}},
+        {"rotation_deg": 1.0, "time_offset_s": 0},
+    ):
+        with pytest.raises(SettingsError):
+            read_initial_guess(written(tmp_path, slip))
+    with pytest.raises(ValidationError):
+        Transform.model_validate({**json.loads(result.to_json())["T_imu_lidar"], "rotation_to_come": [1.0]})
+
+
+RESULT_TWICE = make_result(np.eye(3), np.ones(3)).to_json().replace('"status"', '"time_offset_s": 0.5,\n  "status"', 1)
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "key"),
+    [
+        (read_result, RESULT_TWICE, "time_offset_s"),
+        (read_initial_guess, RESULT_TWICE, "time_offset_s"),
+        (read_extrinsic, RESULT_TWICE, "time_offset_s"),
+        (read_initial_guess, '{"time_offset_s": 0.1, "time_offset_s": 0.1}', "time_offset_s"),
+        (
+            read_planes,
+            '{"schema": "unsweep.planes/1", "planes": [{"name": "a", "normal": [0,0,1], "offset_m": 1, "offset_m": 2}]}',
+            "offset_m",
+        ),
+        (read_limits, '{"rotation_deg": 0.1, "rotation_deg": 3}', "rotation_deg"),
+        (
+            read_imu_noise,
+            '{"range_std_m": 0.01, "gyroscope_noise_density_rad_s_sqrt_hz": 1e-4, "range_std_m": 0.02}',
+            "range_std_m",
+        ),
+        (read_extrinsic, '{"T_imu_lidar": {"matrix": [], "matrix": []}}', "matrix"),
+        (read_limits, '{"rotation\\ndeg": 0.1, "rotation\\ndeg": 3}', r"rotation\\ndeg"),
+    ],
+)
+def test_a_key_that_stands_twice_is_refused(
+    tmp_path: Path, read: Callable[[Path], object], text: str, key: str
+) -> None:
+    """JSON's readers take the last in silence, and somebody edited the first. Mutations: each reader's own check left out; the
+    key written as it is, over two lines."""
+    with pytest.raises(InputError, match=rf"the key '{key}' stands twice .*; correct (it|the file)\.$") as caught:
+        read(written(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_one_key_in_several_objects_is_no_key_twice(tmp_path: Path) -> None:
+    """Mutation: keys seen in one object kept for the next."""
+    planes = [{"name": name, "normal": [0, 0, 1], "offset_m": 1} for name in "ab"]
+    assert len(read_planes(written(tmp_path, {"schema": "unsweep.planes/1", "planes": planes}))) == 2
+
+
+@pytest.mark.parametrize("read", [read_result, read_planes, read_limits, read_initial_guess, read_extrinsic])
+def test_brackets_without_end_are_one_sentence(tmp_path: Path, read: Callable[[Path], object]) -> None:
+    """Python's own reader of JSON gives up with a RecursionError. Mutation: that let through (a defect, and a 500 of a paste)."""
+    with pytest.raises(InputError, match="Expected"):
+        read(written(tmp_path, "[" * 150_000))

@@ -5,13 +5,14 @@ from __future__ import annotations
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
 from calib_core.errors import SettingsError
 from calib_core.maps.files import SUFFIXES as CLOUD_SUFFIXES
-from calib_core.readers.container.opening import RecordingKind, kind_of
+from calib_core.readers.container.opening import RecordingKind, kind_of, open_recording
+from calib_core.readers.container.storage import TopicSummary
 
 _BAG_SUFFIXES: dict[RecordingKind, tuple[str, ...]] = {"ros1": (".bag",), "ros2": (".mcap", ".db3")}
 
@@ -19,9 +20,13 @@ _BAG_SUFFIXES: dict[RecordingKind, tuple[str, ...]] = {"ros1": (".bag",), "ros2"
 def check_output(path: Path, out: Path, map_out: Path | None = None) -> None:
     """Raise SettingsError where the recording at `path` could not be written to `out`, or its map to `map_out`.
 
-    Of the recording no more is read than how it is stored: this is asked before a solve of minutes, not after it.
+    Of the recording no more is read than how it is stored, and for a bag its topics: this is asked before a solve of minutes, not
+    after it.
     """
     check_fits(out, kind_of(path), path.name)
+    if out.suffix != "":
+        with open_recording(path) as recording:
+            check_types(recording.topics, recording.name)
     # Folders that are missing are made, so what counts is the lowest one that is there.
     _check_folder(next(folder for folder in (out.absolute(), *out.absolute().parents) if folder.exists()))
     if map_out is not None:
@@ -39,6 +44,17 @@ def check_fits(out: Path, kind: RecordingKind, name: str) -> None:
         raise SettingsError(f"Expected a name for a bag, but {out} is a folder; choose another name.")
     if out.exists() and not (out.is_dir() and not any(out.iterdir())):
         raise SettingsError(f"The output {out} exists already; remove it or choose another name.")
+
+
+def check_types(topics: Sequence[TopicSummary], name: str) -> None:
+    """Raise SettingsError where a topic of the recording called `name` holds messages of two types, which only it tells apart."""
+    types: dict[str, str] = {}
+    for topic in topics:
+        if topic.count and types.setdefault(topic.name, topic.type) != topic.type:
+            raise SettingsError(
+                f"The topic {topic.name} of {name} holds messages of two types, {types[topic.name]} and {topic.type}, which a "
+                "bag made of it would mix up; give a folder (no suffix) for --output, or take one of them out of the recording."
+            )
 
 
 @contextmanager

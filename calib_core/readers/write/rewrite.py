@@ -28,7 +28,7 @@ from calib_core.readers.scans import select_points
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar
 from calib_core.readers.write.bag_writer import BagWriter, ros1_writer, ros2_writer
-from calib_core.readers.write.output import check_fits, filled_last
+from calib_core.readers.write.output import check_fits, check_types, filled_last
 from calib_core.readers.write.patch import MovedPoints, moved_copy, patched_payload, pointcloud2_payload
 from calib_core.settings import ReadSettings
 from calib_core.types import Float32Array, FloatArray, Scan
@@ -103,19 +103,21 @@ class _Rewriter:
                 self._undecodable += 1
                 continue
             write_cloud(folder / f"{self._count:06d}.{cloud_format}", moved_copy(cloud, self._moved(message)))
-            self._advance()
+            self._advance(message)
+        self._say_done()
         self._say_what_was_left("left out, or left as they were")
         return self._count
 
     def write_bag(self, file: Path) -> int:
         """All topics, the lidar's with its points moved. Packets become PointCloud2: they cannot hold moved points."""
         is_packets = self._lidar.type not in (POINTCLOUD2, *LIVOX_TYPES)
-        told = [t for t in self._recording.topics if t.foreign == "" and t.encoding == self._lidar.encoding]
+        check_types(self._recording.topics, self._recording.name)
+        told = [t for t in self._heard() if t.foreign == "" and t.encoding == self._lidar.encoding]
         topics = [
             replace(t, type=POINTCLOUD2, definition="", digest="") if t == self._lidar and is_packets else t
             for t in told
         ]
-        self._say_what_no_bag_holds([t.name for t in self._recording.topics if t not in told])
+        self._say_what_no_bag_holds([t.name for t in self._heard() if t not in told])
         writer: BagWriter
         with ros1_writer(file, topics) if file.suffix == ".bag" else ros2_writer(file, topics) as writer:
             for message in self._messages(tuple(t.name for t in topics)):
@@ -123,11 +125,17 @@ class _Rewriter:
                     payload = self._moved_payload(message, is_packets)
                     if payload is not None:
                         writer.write(message.topic, message.receive_ns, payload)
-                    self._advance()
+                    self._advance(message)
                 else:
                     writer.write(message.topic, message.receive_ns, message.payload)
+        self._say_done()
         self._say_what_was_left("left out" if is_packets else "left as they were")
         return self._count
+
+    def _heard(self) -> list[TopicSummary]:
+        """The topics, but for types of one that has its messages by another type: a message is known by its topic."""
+        heard = {topic.name for topic in self._recording.topics if topic.count}
+        return [topic for topic in self._recording.topics if topic.count or topic.name not in heard]
 
     def _say_what_was_left(self, how: str) -> None:
         if self._undecodable:
@@ -165,11 +173,19 @@ class _Rewriter:
             raise ValueError(f"transform gave {moved.shape} for {scan.points.size} points")
         return MovedPoints(np.flatnonzero(selection.keep), np.asarray(moved, np.float64))
 
-    def _advance(self) -> None:
+    def _advance(self, message: RawMessage) -> None:
+        """One scan more. How much is left is known by the time: a span holds nobody knows how many of the scans."""
         self._count += 1
         if self._count % _EVENT_EVERY == 0:
             if self._should_cancel():
                 raise Cancelled("Rewriting was stopped.")
-            share = min(1.0, self._count / max(self._lidar.count, 1))
-            text = f"{self._count} of {self._lidar.count} scans"
-            self._on_event(StageEvent(stage="deskew", fraction=share, text=text))
+            start_ns, stop_ns = self._span
+            first_ns = self._recording.start_ns if start_ns is None else start_ns
+            last_ns = self._recording.end_ns if stop_ns is None else min(stop_ns, self._recording.end_ns)
+            share = (message.receive_ns - first_ns) / max(last_ns - first_ns, 1)
+            of_all = f" of {self._lidar.count}" if self._span == (None, None) else ""
+            text = f"{self._count}{of_all} scans"
+            self._on_event(StageEvent(stage="deskew", fraction=min(max(share, 0.0), 1.0), text=text))
+
+    def _say_done(self) -> None:
+        self._on_event(StageEvent(stage="deskew", fraction=1.0, text=counted(self._count, "scan")))

@@ -93,9 +93,12 @@ export function useRetryJob() {
   });
 }
 
-/** Pasted or uploaded text as an extrinsic. */
-export function useReadExtrinsic() {
-  return useMutation({ mutationFn: (wish: ExtrinsicText) => told(api.POST("/api/extrinsic", { body: wish })) });
+/** Pasted or uploaded text as an extrinsic; a URDF's links are found by the frames of the recording that it is meant for. */
+export function useReadExtrinsic(recordingId: string) {
+  return useMutation({
+    mutationFn: (wish: ExtrinsicText) =>
+      told(api.POST("/api/extrinsic", { params: { query: { recording_id: recordingId } }, body: wish })),
+  });
 }
 
 export function useChangeView(id: string) {

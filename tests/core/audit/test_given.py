@@ -115,10 +115,11 @@ def test_a_urdf_is_walked_from_link_to_link() -> None:
         ("mapping:\n  extrinsic_T: [1, 2]\n  extrinsic_R: [1,0,0,0,1,0,0,0,1]", "extrinsic_T is not a list of 3"),
         ("extrinsicTrans: [0,0,0]\nextrinsicRot: [1,0,0,0,1,0,0,0,-1]", "right-handed"),
         ("extrinsic_T: [0, 0, 0", "YAML cannot be read"),
+        ("extrinsic_T: " + 2000 * "[", "nested too deep"),
     ],
 )
 def test_what_is_no_extrinsic_is_one_sentence(text: str, reason: str) -> None:
-    """Mutation: the first joint of any name taken."""
+    """Mutations: the first joint of any name taken; a RecursionError let through (a 500 of a pasted text)."""
     with pytest.raises(InputError, match=reason) as caught:
         parse_extrinsic(text)
     assert str(caught.value).startswith("Expected a result of unsweep, a URDF")

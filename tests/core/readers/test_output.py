@@ -101,7 +101,9 @@ def test_an_archive_is_unpacked_once_for_all_that_open_it(
 def test_the_map_is_there_with_the_scans_or_not_at_all(
     bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stopped: BaseException | None
 ) -> None:
-    """An older map stays as it was where the scans are not written. Mutation: the map written to its own name at once."""
+    """An older map stays as it was where the scans are not written. Mutations: the map written to its own name at once; the
+    result's topics not handed on.
+    """
     the_map = tmp_path / "map.ply"
     the_map.write_text("the older one")
 
@@ -110,9 +112,13 @@ def test_the_map_is_there_with_the_scans_or_not_at_all(
             raise stopped
         return 3
 
-    monkeypatch.setattr(
-        "calib_core.readers.load.load", lambda *_, **__: SimpleNamespace(lidar=SimpleNamespace(topic="/points"))
-    )
+    found_in = RESULT.provenance.recording
+
+    def loads(*_: object, topics_before: tuple[str, str], **__: object) -> SimpleNamespace:
+        assert topics_before == (found_in.lidar_topic, found_in.imu_topic)
+        return SimpleNamespace(lidar=SimpleNamespace(topic="/points"))
+
+    monkeypatch.setattr("calib_core.readers.load.load", loads)
     monkeypatch.setattr(
         "calib_core.full.known_extrinsic.held_motion", lambda *_, **__: SimpleNamespace(solved=None, deskew=None)
     )

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.errors import SettingsError
+from calib_core.events import StageEvent
 from calib_core.readers.container.opening import open_recording
 from calib_core.readers.load import load
 from calib_core.readers.write.rewrite import CloudFormat, rewrite_clouds
@@ -197,3 +198,27 @@ def test_a_cloud_that_cannot_be_decoded_is_left_and_counted(suffix: str, tmp_pat
         before, after = payloads(source), payloads(out)
         same = [a == b for a, b in zip(before, after, strict=True) if a[0] == "/velodyne_points"]
         assert same == [k == 3 for k in range(N)]
+
+
+@pytest.mark.parametrize("suffix", ["", ".bag"])
+@pytest.mark.parametrize("end_s", [None, 2.05])
+def test_progress_ends_with_the_work(suffix: str, end_s: float | None, tmp_path: Path) -> None:
+    """Of a span it ended where its share of the whole file did. 40 scans of 0.1 s. Mutations: by the number of all scans; no
+    last word; all scans named of a span."""
+    source = build.write_ros1(
+        tmp_path / "r.bag",
+        build.in_order(build.velodyne_messages(40, cdr=False), build.still_imu(4.0, cdr=False)),
+    )
+    told: list[StageEvent] = []
+    count = rewrite_clouds(
+        source,
+        None,
+        tmp_path / f"out{suffix}",
+        shifted,
+        settings=ReadSettings(end_s=end_s),
+        on_event=lambda event: told.append(event) if isinstance(event, StageEvent) else None,
+    )
+    assert (told[-1].fraction, told[-1].text) == (1.0, f"{count} scans")
+    expected = np.array([10.0 * k for k in range(1, count // 10 + 1)]) / count
+    np.testing.assert_allclose([event.fraction for event in told[:-1]], expected, atol=2.0 / count)
+    assert ("of 40" in told[0].text) == (end_s is None)

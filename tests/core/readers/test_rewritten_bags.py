@@ -219,6 +219,45 @@ def test_ros1_in_an_mcap_becomes_a_ros1_bag_alone(tmp_path: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["r.mcap", "u.mcap"]
 
 
+@pytest.mark.parametrize("heard", [True, False])
+def test_two_types_of_one_topic_are_not_mixed(heard: bool, tmp_path: Path) -> None:
+    """After a node was changed for another, say: all its messages were written as of one type, in silence. A type of which no
+    message came is none.
+
+    Mutations: no check, before the work or on the way; a type without messages counts, or takes the other's place.
+    """
+    source, odd = tmp_path / "r.bag", "std_msgs/msg/String"
+    with Ros1Writer(source) as writer:
+        topics = {
+            kind: writer.add_connection(name, kind, msgdef="# none", md5sum=32 * digit)
+            for name, kind, digit in (
+                ("/velodyne_points", CLOUD, "0"),
+                ("/imu/data", IMU, "1"),
+                ("/imu/data", odd, "2"),
+            )
+        }
+        for _, kind, receive_ns, payload in room(cdr=False):
+            writer.write(topics[kind], receive_ns, payload)
+        if heard:
+            writer.write(topics[odd], build.EPOCH_NS + 10**9, struct.pack("<I", 0))
+    if not heard:
+        check_output(source, tmp_path / "out.bag")
+        rewrite_clouds(source, None, tmp_path / "out.bag", shifted)
+        with Ros1Reader(tmp_path / "out.bag") as reader:
+            assert {c.topic: c.msgtype for c in reader.connections if c.msgcount} == {
+                "/velodyne_points": CLOUD,
+                "/imu/data": IMU,
+            }
+        return
+    for refuse in (check_output, lambda path, out: rewrite_clouds(path, None, out, shifted)):
+        with pytest.raises(
+            SettingsError, match=rf"/imu/data of r\.bag holds .* two types, {IMU} and {odd}, .*recording\.$"
+        ):
+            refuse(source, tmp_path / "out.bag")
+    check_output(source, tmp_path / "out")
+    assert rewrite_clouds(source, None, tmp_path / "out", shifted) == N
+
+
 @pytest.mark.parametrize("given", ["here", "link", "mount"])
 def test_a_folder_that_is_there_is_filled_and_not_replaced(
     given: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

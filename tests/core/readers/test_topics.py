@@ -178,3 +178,23 @@ def test_events_and_cancel(tmp_path: Path) -> None:
         load(path, ReadSettings(), should_cancel=lambda: True)
     with pytest.raises(Cancelled):
         inspect(path, ReadSettings(), should_cancel=lambda: True)
+
+
+def test_topics_of_an_earlier_run_are_taken_where_several_fit(tmp_path: Path) -> None:
+    """`deskew` asked for --imu-topic of a recording with two IMUs, though its calibration names the one.
+
+    Mutations: each of the two not looked at; before what the settings name; names that are not there.
+    """
+    lidars, imus = ("/left", "/right"), ("/box/imu", "/car/imu")
+    streams = [*(clouds(topic) for topic in lidars), *(imu(topic) for topic in imus)]
+    path = bag(tmp_path, *streams)
+    read = load(path, ReadSettings(), topics_before=("/right", "/car/imu"))
+    assert (read.lidar.topic, read.imu.topic) == ("/right", "/car/imu")
+    own = ReadSettings(lidar_topic="/left", imu_topic="/box/imu")
+    read = load(path, own, topics_before=("/right", "/car/imu"))
+    assert (read.lidar.topic, read.imu.topic) == ("/left", "/box/imu")
+    with pytest.raises(TopicError, match="2 lidar topics"):
+        load(path, ReadSettings(), topics_before=("/top", "/car/imu"))
+    (tmp_path / "one").mkdir()
+    read = load(bag(tmp_path / "one", clouds(), imu()), ReadSettings(), topics_before=("/right", "/car/imu"))
+    assert (read.lidar.topic, read.imu.topic) == ("/velodyne_points", "/imu/data")

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 from calib_core.errors import Cancelled, SettingsError
 from calib_core.events import IterationEvent, LogEvent, StageEvent
 from calib_core.simulate import SCENARIOS, TruthFile, generate, simulate, truth_path
+from calib_core.simulate.sensors import HeaderAt
 from calib_core.types import Float32Array, IntArray, Recording
 
 #: Field, offset, PointField datatype, as each driver publishes them.
@@ -125,6 +126,14 @@ def test_a_header_at_the_last_packet_makes_times_negative(tmp_path: Path) -> Non
         assert abs(first.scans[index].stamp_ns - last.scans[index].stamp_ns) <= 4
         apart = first.scans[index].points["offset_ns"] - last.scans[index].points["offset_ns"]
         assert np.abs(apart).max() <= 8
+
+
+@pytest.mark.parametrize("scenario", ["ouster", "outdoor", "livox"])
+@pytest.mark.parametrize("header_at", ["first", "last"])
+def test_a_header_that_cannot_be_chosen_is_refused(scenario: str, header_at: HeaderAt) -> None:
+    """It had no effect, in silence. Mutation: no check."""
+    with pytest.raises(SettingsError, match=rf"Velodyne cloud .*, found {scenario}, .*leave --header-at out"):
+        generate(scenario, duration_s=0.5, header_at=header_at)
 
 
 def test_hesai_stamps_absolute_seconds(tmp_path: Path) -> None:

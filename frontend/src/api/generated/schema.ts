@@ -35,7 +35,9 @@ export interface paths {
         put?: never;
         /**
          * Read Extrinsic
-         * @description An extrinsic from a result, a matrix, or a position and a quaternion, as the view takes it.
+         * @description An extrinsic from a result, a URDF, an odometry's settings, a matrix, or a position and a quaternion, as the view takes it.
+         *
+         *     `recording_id`: which recording it is meant for; the frames of its sensors are looked for among a URDF's links.
          */
         post: operations["read_extrinsic"];
         delete?: never;
@@ -3969,7 +3971,10 @@ export interface operations {
     };
     read_extrinsic: {
         parameters: {
-            query?: never;
+            query?: {
+                /** @description 32 hexadecimal digits */
+                recording_id?: string | null;
+            };
             header?: never;
             path?: never;
             cookie?: never;

@@ -9,6 +9,7 @@ import { nameOfOld } from "./oldtext";
 import css from "./inspect.module.css";
 
 interface OldSectionProps {
+  recordingId: string;
   old: OldExtrinsic | null;
   blur: View["old_blur"];
   onChange: (old: OldExtrinsic | null) => void;
@@ -17,7 +18,7 @@ interface OldSectionProps {
 type Direction = ExtrinsicText["direction"];
 
 /** The extrinsic used so far, pasted or uploaded, to be seen beside the answer. */
-export function OldSection({ old, blur, onChange }: OldSectionProps) {
+export function OldSection({ recordingId, old, blur, onChange }: OldSectionProps) {
   return (
     <Section
       title={nameOfOld(old, "Your old extrinsic")}
@@ -29,7 +30,7 @@ export function OldSection({ old, blur, onChange }: OldSectionProps) {
         )
       }
     >
-      {old === null ? <OldForm onRead={onChange} /> : <OldFacts old={old} blur={blur} />}
+      {old === null ? <OldForm recordingId={recordingId} onRead={onChange} /> : <OldFacts old={old} blur={blur} />}
     </Section>
   );
 }
@@ -58,10 +59,10 @@ function OldFacts({ old, blur }: { old: OldExtrinsic; blur: View["old_blur"] }) 
   );
 }
 
-function OldForm({ onRead }: { onRead: (old: OldExtrinsic) => void }) {
+function OldForm({ recordingId, onRead }: { recordingId: string; onRead: (old: OldExtrinsic) => void }) {
   const [text, setText] = useState("");
   const [direction, setDirection] = useState<Direction>("imu_lidar");
-  const read = useReadExtrinsic();
+  const read = useReadExtrinsic(recordingId);
   const show = (what: string) => read.mutate({ text: what, direction }, { onSuccess: (old) => onRead(old) });
   const upload = (file: File | null) => {
     if (file !== null) void file.text().then(show);
@@ -70,7 +71,7 @@ function OldForm({ onRead }: { onRead: (old: OldExtrinsic) => void }) {
     <div className={css.form}>
       <Textarea
         size="xs"
-        label="Paste it: our JSON, a 4 × 4 matrix, or x y z and a quaternion x y z w"
+        label="Paste it: our JSON, a URDF, a 4 × 4 matrix, or x y z and a quaternion x y z w"
         placeholder={"0.10 -0.12 0.08  0 0 0.71 0.71"}
         minRows={2}
         maxRows={5}
@@ -100,7 +101,7 @@ function OldForm({ onRead }: { onRead: (old: OldExtrinsic) => void }) {
           Show it
         </Button>
         <FileButton
-          accept=".json,.txt,.yaml,.tum,text/*,application/json"
+          accept=".json,.txt,.yaml,.tum,.urdf,.xml,text/*,application/json"
           onChange={upload}
           inputProps={{ "aria-label": "A file with your old extrinsic" }}
         >

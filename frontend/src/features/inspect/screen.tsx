@@ -156,6 +156,7 @@ function Inspection({ run, recording, returns }: Workspace & { run: Run }) {
           error={start.error}
         />
         <OldSection
+          recordingId={recording.id}
           old={wish.old}
           blur={view?.old_blur ?? null}
           onChange={(old) =>

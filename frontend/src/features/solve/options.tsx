@@ -15,6 +15,7 @@ import css from "./solve.module.css";
 type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "lidarSampling" | "intrinsics";
 
 interface SolveOptionsProps {
+  recordingId: string;
   title: string;
   /** What is written on the button; null where the form of this id has its button elsewhere. */
   action: string | null;
@@ -39,7 +40,7 @@ interface ControlsProps extends SolveOptionsProps {
   before: Job["settings"];
 }
 
-function Controls({ facts, title, action, formId, before, onSolve, pending, error }: ControlsProps) {
+function Controls({ recordingId, facts, title, action, formId, before, onSolve, pending, error }: ControlsProps) {
   const { usual, imu_presets: presets } = facts;
   const sought = useSearchParams()[0].get("known");
   const [draft, setDraft] = useState<Draft>(() => asking(draftOf(before, usual, facts.solve_settings), sought));
@@ -214,7 +215,7 @@ function Controls({ facts, title, action, formId, before, onSolve, pending, erro
             checked={draft.planes}
             onChange={(event) => set({ planes: event.currentTarget.checked })}
           />
-          <StartValue guess={guess} onChange={setGuess} />
+          <StartValue recordingId={recordingId} guess={guess} onChange={setGuess} />
         </details>
         {spans > 0 && (
           <p className="small dim">

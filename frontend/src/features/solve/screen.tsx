@@ -70,6 +70,7 @@ export function SolveScreen() {
         }
       >
         <SolveOptions
+          recordingId={recording.id}
           title="How to solve"
           action={null}
           formId={optionsForm}
@@ -136,6 +137,7 @@ export function SolveScreen() {
       )}
       {ended && (
         <SolveOptions
+          recordingId={recording.id}
           key={job.id}
           title="Solve again, differently"
           action="Solve again"

@@ -10,6 +10,7 @@ import css from "./solve.module.css";
 export type Guess = NonNullable<NewJob["initial_guess"]>;
 
 interface StartValueProps {
+  recordingId: string;
   guess: OldExtrinsic | null;
   onChange: (guess: OldExtrinsic | null) => void;
 }
@@ -20,9 +21,9 @@ export function guessOf(read: OldExtrinsic): Guess {
 }
 
 /** Where the solve starts, for rigs that leave it in doubt; nobody has to give one. */
-export function StartValue({ guess, onChange }: StartValueProps) {
+export function StartValue({ recordingId, guess, onChange }: StartValueProps) {
   const [text, setText] = useState("");
-  const read = useReadExtrinsic();
+  const read = useReadExtrinsic(recordingId);
   if (guess !== null) {
     return (
       <div className={css.option}>
@@ -42,7 +43,7 @@ export function StartValue({ guess, onChange }: StartValueProps) {
       <Textarea
         size="xs"
         label="Start value"
-        description="Found from the recording where left empty. Our JSON, a 4 × 4 matrix, or x y z and a quaternion x y z w"
+        description="Found from the recording where left empty. Our JSON, a URDF, a 4 × 4 matrix, or x y z and a quaternion x y z w"
         minRows={1}
         maxRows={5}
         autosize
