@@ -29,7 +29,11 @@ def test_the_published_methods_defaults_stand_in_its_settings() -> None:
     assert (every.points_per_plane_per_scan, every.field_of_view_deg) == (None, 60.0)
 
 
-@pytest.mark.parametrize("listed", [OBEYED_BY_PAPER, USED_AFTER_TRACKING, USED_AFTER_MOTION], ids=str)
+@pytest.mark.parametrize(
+    "listed",
+    [OBEYED_BY_PAPER, USED_AFTER_TRACKING, USED_AFTER_MOTION],
+    ids=("by_paper", "after_tracking", "after_motion"),
+)
 def test_what_is_listed_beside_the_settings_is_one_of_them(listed: frozenset[str]) -> None:
     """Mutation: a field renamed in the record alone."""
     assert listed <= set(CalibrateSettings.model_fields)

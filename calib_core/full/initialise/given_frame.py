@@ -14,6 +14,7 @@ import numpy as np
 
 from calib_core.events import Event, LogEvent, OnEvent
 from calib_core.full.initialise.begin import begin
+from calib_core.full.initialise.proposed import matched
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.settings import TrackSettings
@@ -36,16 +37,15 @@ def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Placed:
     """The same planes in the frame of the scan that the track begins with. given: in that frame, or in the first scan's: in which
     of them they are is told by the scans' own points.
 
-    From the first scan to the other they are carried by a track without them. Where that does not reach so far, or they do not
-    lie on what the other scan shows, it has told nothing of them: the track begins with the first scan then.
+    From the first scan to the other they are carried by a track without them. Where that does not reach so far, or half of them
+    do not come to lie where the other scan shows planes, it has told nothing of them: the track begins with the first scan then.
     """
     if given is None or all(plane.suggested for plane in given):
         return Placed(given)
     scans = run.recording.scans
     first = next((k for k, scan in enumerate(scans) if len(scan.points)), 0)
     reference, _ = find_reference(scans, run.settings, should_cancel=run.should_cancel)
-    on_first = _share_on(run, given, first)
-    if reference == first or on_first <= _share_on(run, given, reference):
+    if reference == first or _share_on(run, given, first) <= _share_on(run, given, reference):
         return Placed(given)
     at_s = (scans[reference].stamp_ns - scans[first].stamp_ns) * 1e-9
     text = (
@@ -53,7 +53,7 @@ def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Placed:
         f"{at_s:.1f} s does"
     )
     carried = _carried(run, given, first, reference)
-    if carried is not None and _share_on(run, carried, reference) > AGREEING.carried * on_first:
+    if carried is not None:
         text = f"{text}, from which the lidar is followed: taken to be in the first scan's frame, the map"
         run.say("info", "planes.frame", text)
         return Placed(carried)
@@ -64,15 +64,19 @@ def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Placed:
 
 def _carried(run: Run, given: Sequence[Plane], first: int, reference: int) -> list[Plane] | None:
     """Planes of the first scan in the frame of the reference, by a track of what is found there; None where it does not reach so
-    far. A first scan that is not on it is where the lidar came from, as long as the track itself bridges what it does not see.
+    far, or where less than half of them are among those found. A first scan that is not on it is where the lidar came from, as
+    long as the track itself bridges what it does not see.
     """
-    followed = begin(replace(run, on_event=_unless_said(run)), None, propose_planes(run.recording, run.settings))
+    found = propose_planes(run.recording, run.settings)
+    followed = begin(replace(run, on_event=_unless_said(run)), None, found)
     near = min(followed.motions, key=lambda m: abs(m.position - first))
     ago_s = float(run.clocks.scan_s[near.position] - run.clocks.scan_s[first])
     if followed.reference != reference or abs(ago_s) > TrackSettings().bridge_s:
         return None
     R, p = near.R @ exp(-ago_s * near.omega_rad_s), near.p - ago_s * near.v_m_s
-    return [_moved(plane, R, p) for plane in given]
+    carried = [_moved(plane, R, p) for plane in given]
+    is_found = matched(carried, [patch.plane for patch in found.patches]) >= 0
+    return carried if is_found.mean() >= AGREEING.carried else None
 
 
 def _share_on(run: Run, planes: Sequence[Plane], position: int) -> float:
