@@ -197,7 +197,7 @@ PRIOR = Prior(axis="tz", value=0.3, std=0.01)
     [
         ({}, {}, ()),
         ({"priors": (PRIOR,)}, {}, ("priors",)),
-        ({"method": "paper", "points_per_plane_per_scan": 100}, {}, ("method", "points_per_plane_per_scan")),
+        ({"method": "paper"}, {}, ("method", "points_per_plane_per_scan", "field_of_view_deg")),
         ({"excluded_spans_s": ((1.0, 2.0),)}, {}, ("excluded_spans_s",)),
         ({"imu_noise": "mti-3"}, {"start_s": 5.0}, ("imu_noise", "start_s")),
         ({}, {"lidar_topic": "/other"}, ("lidar_topic",)),
