@@ -173,12 +173,14 @@ def _guess_of(text: str) -> _GuessFile:
     return _GuessFile.model_validate_json(text, extra="ignore" if lenient else None)
 
 
-def _read(path: str | Path, parse: Callable[[str], _Model], expected: str) -> _Model:
-    """What `parse` makes of the text in `path`, which raises ValidationError where it is something else."""
+def json_text(path: str | Path, expected: str) -> str:
+    """The text of a small JSON file. expected: what it should hold, for a person.
+
+    Raises SettingsError where it cannot be read, or says a thing twice.
+    """
     try:
-        text = Path(path).read_text(
-            encoding="utf-8-sig"
-        )  # some editors begin a file with a mark that is none of JSON's
+        # Some editors begin a file with a mark that is none of JSON's.
+        text = Path(path).read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
         raise SettingsError(
@@ -186,6 +188,12 @@ def _read(path: str | Path, parse: Callable[[str], _Model], expected: str) -> _M
         ) from error
     if (twice := key_twice(text)) is not None:
         raise SettingsError(f"Expected {expected} in {path}, but {twice}; correct the file.")
+    return text
+
+
+def _read(path: str | Path, parse: Callable[[str], _Model], expected: str) -> _Model:
+    """What `parse` makes of the text in `path`, which raises ValidationError where it is something else."""
+    text = json_text(path, expected)
     try:
         return parse(text)
     except ValidationError as error:

@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from calib_core.contradictions import key_twice
 from calib_core.errors import SettingsError
+from calib_core.input_files import json_text
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -39,15 +39,7 @@ class Limits(BaseModel):
 def read_limits(path: Path) -> Limits:
     """The limits in a JSON file."""
     expected = "limits (any of rotation_deg, translation_mm, time_offset_ms, each a number, three numbers, or null)"
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else "it is not text"
-        raise SettingsError(
-            f"Expected {expected} in {path}, but it cannot be read ({reason}); check the name."
-        ) from error
-    if (twice := key_twice(text)) is not None:
-        raise SettingsError(f"Expected {expected} in {path}, but {twice}; correct the file.")
+    text = json_text(path, expected)
     try:
         return Limits.model_validate_json(text)
     except ValidationError as error:

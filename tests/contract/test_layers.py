@@ -77,7 +77,7 @@ MAY_IMPORT = {
         "threads",
     },
     "doctor": {"readers", "full", "planes", "geometry", "solver", "imu", "gp", "factors", "threads"},
-    "audit": {"contradictions", "geometry", "maps", "full", "calibrate"},
+    "audit": {"contradictions", "geometry", "input_files", "maps", "full", "calibrate"},
     "api": {
         "audit",
         "readers",
