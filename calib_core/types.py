@@ -211,6 +211,7 @@ class PlaneProposals:
     cloud_m: (N, 3) float32, map frame.   cloud_patch: (N,) int16, index into patches, -1 for none.
     cloud_intensity: (N,) float32.   reference_scans: the scans (positions in Recording.scans) merged into the cloud;
     the map frame is the lidar frame at the first of them, and the platform stood still during all of them where `static`.
+    determined: whether that scan's own planes determine a pose; otherwise a later scan's may, and would be the reference.
     """
 
     patches: tuple[PlanePatch, ...]
@@ -219,6 +220,7 @@ class PlaneProposals:
     cloud_intensity: Float32Array
     reference_scans: tuple[int, ...]
     static: bool
+    determined: bool = True
 
 
 @dataclass(frozen=True, slots=True)

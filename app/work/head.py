@@ -73,8 +73,11 @@ def is_final(proposals: PlaneProposals, n_scans: int) -> bool:
     """Whether more scans than the `n_scans` looked at would leave the proposals as they are.
 
     They do where the search ended at one of the first scans because its planes determine a pose, and the standstill
-    ended, or was long enough, before the scans did.
+    ended, or was long enough, before the scans did. That the planes of the merged scans determine one is not enough: the
+    search goes by single scans, and in the whole recording would end at a later one, in another frame.
     """
+    if not proposals.determined:
+        return False
     normals = np.array([patch.plane.normal for patch in proposals.patches], dtype=np.float64).reshape(-1, 3)
     if not proposals.static or len(normals) < 3 or proposals.reference_scans[-1] >= n_scans - 1:
         return False

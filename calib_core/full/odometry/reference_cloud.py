@@ -15,7 +15,15 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, n
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, register, sample_points
 from calib_core.full.odometry.settings import STANDSTILL, TrackSettings
-from calib_core.full.planes.propose import distinct, find_reference, make_patch, named_planes, near_plane, scan_points
+from calib_core.full.planes.propose import (
+    determines_a_pose,
+    distinct,
+    find_reference,
+    make_patch,
+    named_planes,
+    near_plane,
+    scan_points,
+)
 from calib_core.full.planes.settings import SEARCH
 from calib_core.geometry import log
 from calib_core.planes.segment import segment_planes
@@ -42,6 +50,7 @@ def propose_planes(
     else:
         points_m = scan_points(scans[position], settings.field_of_view_deg)
         reference, fits = position, segment_planes(points_m, seed=settings.random_seed)
+    determined = determines_a_pose(fits)
     fits = distinct(fits, scan_points(scans[reference], settings.field_of_view_deg))
     still = [reference]
     if len(fits) >= SEARCH.fewest_planes:
@@ -71,6 +80,7 @@ def propose_planes(
         cloud_intensity=intensity,
         reference_scans=tuple(still),
         static=len(still) >= STANDSTILL.fewest_scans,
+        determined=determined,
     )
 
 

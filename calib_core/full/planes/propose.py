@@ -56,6 +56,11 @@ def find_reference(
     return best[1], best[2]
 
 
+def determines_a_pose(fits: Sequence[PlaneFit]) -> bool:
+    """Whether a scan's planes hold a place three ways: the search for the reference ends at the first such scan."""
+    return _ways_held(np.array([fit.normal for fit in fits]).reshape(-1, 3)) == 3
+
+
 def _ways_held(normals: FloatArray) -> int:
     """In how many directions planes of these normals (P, 3) hold a place, 0 to 3."""
     return sum(determinacy(normals, open_ways) >= SEARCH.least_determinacy for open_ways in range(3))
