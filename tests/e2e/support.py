@@ -189,7 +189,20 @@ def coloured(page: Page) -> NDArray[np.bool_]:
 def wait_for_cloud(page: Page) -> NDArray[np.bool_]:
     """The coloured pixels, once a cloud is drawn: at least half a percent of the scene."""
     until(lambda: float(coloured(page).mean()) > 0.005, wait_s=120.0)
-    return coloured(page)
+    return at_rest(page)
+
+
+def at_rest(page: Page) -> NDArray[np.bool_]:
+    """The coloured pixels, once two pictures in a row are one: a busy browser draws late, and piece by piece."""
+    seen = [coloured(page)]
+
+    def rests() -> bool:
+        page.wait_for_timeout(500)
+        seen.append(coloured(page))
+        return float((seen[-1] != seen[-2]).mean()) < 1e-3
+
+    until(rests, wait_s=60.0)
+    return seen[-1]
 
 
 def dense_spots(mask: NDArray[np.bool_], *, size: int = 24) -> list[tuple[float, float]]:
