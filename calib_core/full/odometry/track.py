@@ -151,7 +151,8 @@ class _Tracker:
 
     def _of_an_instant(self, previous: ScanMotion, found: Registered) -> Registered:
         """With the way from the last motion for its rates, where all its points are of one instant: they tell none."""
-        if self.scans[found.motion.position].points["offset_ns"].any():
+        offsets_ns = self.scans[found.motion.position].points["offset_ns"]
+        if offsets_ns[-1] or offsets_ns.any():  # of nearly all scans the last point tells
             return found
         omega, v = self._between(previous, found.motion)
         return replace(found, motion=replace(found.motion, omega_rad_s=omega, v_m_s=v))
