@@ -37,7 +37,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
-from calib_core.solver.arrow import Eliminated
+from calib_core.solver.arrow import Eliminated, NotPositiveDefinite
 from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
 
@@ -149,7 +149,12 @@ def _responses(
 
 
 def _influences(of: _Responses, told_apart: Iterable[ByLaser], covariance: FloatArray) -> FactorInfluences:
-    return FactorInfluences(_of_links(of), _of_bins(of), _of_lasers(of, told_apart), covariance)
+    found = FactorInfluences(_of_links(of), _of_bins(of), _of_lasers(of, told_apart), covariance)
+    with np.errstate(over="ignore"):  # what is squared later
+        squares = [np.sum(each.allowed**2) for each in (found.links, found.bins, found.lasers)]
+    if not np.isfinite(squares).all():
+        raise NotPositiveDefinite("states follow the calibration beyond all numbers")
+    return found
 
 
 def _of_links(of: _Responses) -> Influences:

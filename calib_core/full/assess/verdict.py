@@ -31,7 +31,10 @@ from calib_core.solver.broken_down import arithmetic_or_refused
 from calib_core.solver.levenberg import Outcome
 from calib_core.types import Trajectory
 
-_NO_ANSWER = "the joint solve found no stable answer; the planes or the motion do not fit the data"
+_NO_ANSWER = (
+    "the joint solve found no stable answer: the planes or the motion do not fit the data; leave out planes that can move or "
+    "bend, or choose others that face three ways"
+)
 
 
 @arithmetic_or_refused()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.prepare.nuisance import Nuisance
-from calib_core.solver.arrow import Eliminated, solve_arrow
+from calib_core.solver.arrow import Eliminated, NotPositiveDefinite, solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray
@@ -67,6 +68,28 @@ def test_influences_sum_up_to_the_covariance_and_to_the_next_step() -> None:
     step = solve_arrow(system).step_shared[:CALIBRATION] / UNITS
     size = np.abs(of.links.moved).sum(axis=0) + np.abs(of.bins.moved).sum(axis=0)
     np.testing.assert_allclose((moved - step) / size, 0.0, atol=1e-6)
+
+
+class _Amplified:
+    """Equations under which all states follow the calibration by so many times as much."""
+
+    def __init__(self, at_hand: Eliminated, times: float) -> None:
+        self._at_hand, self._times = at_hand, times
+        self.is_of_kind = at_hand.is_of_kind
+
+    def unit_responses(self, *asked: object) -> tuple[FloatArray, FloatArray]:
+        along, border = self._at_hand.unit_responses(*asked)  # type: ignore[arg-type]
+        return self._times * along, self._times * border
+
+
+def test_what_is_beyond_all_numbers_is_no_covariance() -> None:
+    """A choice of planes that told next to nothing had responses of 1e95, whose squares are squared: that ended as an overflow,
+    told as one. Mutation: no look at the squares."""
+    problem, estimate = _solved()
+    at_hand = Eliminated.of(problem.linearise(estimate))
+    factor_influences(problem, estimate, eliminated=cast(Eliminated, _Amplified(at_hand, 1e20)))
+    with pytest.raises(NotPositiveDefinite):
+        factor_influences(problem, estimate, eliminated=cast(Eliminated, _Amplified(at_hand, 1e95)))
 
 
 def test_equations_at_hand_are_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
