@@ -13,9 +13,10 @@ from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.many_scans import over_scans
 from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.present import map_pose, present_view
-from calib_core.full.joint.residuals import plane_chi2, plane_misfit
+from calib_core.full.joint.residuals import plane_chi2, plane_misfit, wandering_m
 from calib_core.full.joint.round import gathered
 from calib_core.full.joint.state import Estimate
+from calib_core.full.planes.settings import JUDGEMENT
 from calib_core.full.planes.standing import fault_of
 from calib_core.kinds import kind_of, next_name
 from calib_core.planes.same import same_place, same_surface
@@ -138,8 +139,10 @@ def drop_planes(
     # Nor is what scatters no more than noise makes it, however little a floor does that is seen at a grazing angle.
     badness = scatter = over_usual(chi2, points, least=1.0 / rules.worst_scatter) / rules.worst_scatter
     if settled:
+        # How uneven a floor at a grazing angle is shows beside its noise, which is a millimetre: it is a floor for all that.
+        wanders = wandering_m(problem, state.estimate) > JUDGEMENT.least_m
         wandering = over_usual(plane_misfit(problem, state.estimate), points)
-        badness = np.maximum(badness, wandering / rules.worst_wandering)
+        badness = np.maximum(badness, np.where(wanders, wandering / rules.worst_wandering, 0.0))
     doubt = plane_doubts(problem, state.estimate, None if settled else rules.rough_m)
     badness = np.maximum(badness, doubt.max(axis=1))
     spared = np.array([plane.chosen for plane in state.planes]) | (points > most_share * points.sum())

@@ -138,7 +138,8 @@ class PlaneSet:
     """Which planes join on the way, and which are dropped."""
 
     #: measured: returns and averages of walls scatter (squared) less than three times as much as others. A plane is none
-    #: that scatters so many times as much, or whose averages wander so.
+    #: that scatters so many times as much, or whose averages wander so, by more than walls are off flat anyway
+    #: (Judgement.least_m).
     worst_scatter: float = 5.0
     worst_wandering: float = 4.0
     #: judged: while the motion is rough a plane may be that far off from place to place and be none the worse; afterwards

@@ -67,6 +67,16 @@ def plane_misfit(problem: JointProblem, estimate: Estimate) -> FloatArray:
     return np.bincount(bins.plane, square, planes) / np.maximum(np.bincount(bins.plane, minlength=planes), 1)
 
 
+def wandering_m(problem: JointProblem, estimate: Estimate) -> FloatArray:
+    """How far the bins' mean distances are off beyond noise, plane by plane: (P,) root mean square, each bin by its points."""
+    bins = problem.bins
+    weight = np.maximum(bins.scatter[:, 3, 3], 1e-30)
+    square_m2 = (problem.lidar.sums(estimate) / weight) ** 2 - 1.0 / weight
+    planes = len(estimate.normals)
+    points = np.maximum(np.bincount(bins.plane, bins.count, planes), 1)
+    return np.sqrt(np.maximum(np.bincount(bins.plane, square_m2 * bins.count, planes) / points, 0.0))
+
+
 def away_m(problem: JointProblem, estimate: Estimate) -> float:
     """Root mean square of the bins' mean distances in metres, each bin by its points."""
     bins = problem.bins
