@@ -168,7 +168,7 @@ def iteration_table(event: IterationEvent) -> Table:
     places, place_unit = std_row(event.translation_std_m, "m")
     clock, clock_unit = std_row([event.time_offset_std_s], "s")
     angles, angle_unit = value_row(event.euler_xyz_deg, event.rotation_std_deg, "deg")
-    lever_arm, length_unit = value_row(event.translation_m, event.translation_std_m, "m")
+    translation, length_unit = value_row(event.translation_m, event.translation_std_m, "m")
     (offset,), offset_unit = value_row([event.time_offset_s], [event.time_offset_std_s], "s")
     table.add_row("rotation (roll, pitch, yaw)", *angles, angle_unit, "")
     table.add_row(
@@ -177,7 +177,7 @@ def iteration_table(event: IterationEvent) -> Table:
         turn_unit,
         _widest_bar(event.rotation_std_deg, WEAK_DEG),
     )
-    table.add_row("lever arm (lidar in IMU axes)", *lever_arm, length_unit, "")
+    table.add_row("translation, seen from the IMU", *translation, length_unit, "")
     table.add_row(
         "  [dim]1 sigma[/]",
         *places,
@@ -225,4 +225,6 @@ def bullet(mark: str, words: RenderableType, style: str) -> RenderableType:
 def _in_one_line(event: IterationEvent) -> str:
     rotation = " ".join(f"{value:.4f}" for value in event.euler_xyz_deg)
     translation = " ".join(f"{1e3 * value:.2f}" for value in event.translation_m)
-    return f"roll pitch yaw {rotation} deg, lever arm {translation} mm, time offset {1e3 * event.time_offset_s:.4f} ms"
+    return (
+        f"roll pitch yaw {rotation} deg, translation {translation} mm, time offset {1e3 * event.time_offset_s:.4f} ms"
+    )
