@@ -154,8 +154,8 @@ def test_report_says_it_all() -> None:
 
 
 def test_the_next_command_says_which_topic() -> None:
-    """Of a recording with two lidars the command as it stood ended with exit code 2. Mutations: topics only where they were chosen,
-    or only where they were not."""
+    """Of a recording with two lidars the command as it stood ended with exit code 2. Mutations: topics only where they were
+    chosen, or only where they were not."""
     two = ("/front", "/rear")
     assert "room.bag --lidar-topic TOPIC" in shown(report_block(report(lidar=None, lidar_candidates=two)))
     chosen = shown(report_block(report(imu_candidates=("/imu/data", "/imu/raw"))))

@@ -136,8 +136,8 @@ def test_sentence_and_self_check_hold(name: str) -> None:
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_time_offset_that_changes_says_so(name: str) -> None:
-    """A program is given one number: by 39 us a second it is 2 ms off within a minute. Mutations: the sentence in the IMU's own file
-    alone, as it was; said of clocks that were taken to run alike."""
+    """A program is given one number: by 39 us a second it is 2 ms off within a minute. Mutations: the sentence in the IMU's own
+    file alone, as it was; said of clocks that were taken to run alike."""
     result = make_result(np.eye(3), np.zeros(3), 12_000_000)
     assert "us a second" not in export(result, name)
     result.clock_rate_ppm, result.time_offset_at_s = -39.438, 9.9506

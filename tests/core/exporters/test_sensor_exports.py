@@ -278,8 +278,8 @@ def test_the_gyroscopes_turn_agrees_with_scipy(angle: float) -> None:
 
 
 def test_what_kalibr_has_no_key_for_is_said() -> None:
-    """Mutations: the delay, which way it is, the bent lines, the filters, the clock's rate, a block that was not estimated or parameters not
-    applied passed over."""
+    """Mutations: the delay, which way it is, the bent lines, the filters, the clock's rate, a block that was not estimated or
+    parameters not applied passed over."""
     scale = parameter("gyroscope_scale", "x", 0.01, state="considered")
     bends = [parameter("accelerometer_quadratic", name, 1e-4 * k) for k, name in enumerate("xyz")]
     filters = [parameter("low_pass_skew", name, 1e-6 * k) for k, name in enumerate(("gyroscope", "accelerometer"))]
