@@ -249,6 +249,17 @@ def test_iteration_is_in_degrees_millimetres_milliseconds() -> None:
         assert words in text
 
 
+def test_error_bars_are_whole_at_80_columns() -> None:
+    """Seen: all six cells long, whatever they showed. Oracle: a console of any width. Mutation: columns of 14 for numbers."""
+    step = ITERATION.model_copy(
+        update={"iteration": 116, "cost": 1.37306e6, "euler_xyz_deg": [-179.9123, -89.1234, 179.9123]}
+    )
+    narrow, wide = (shown(iteration_table(step), width=width).splitlines() for width in (80, 200))
+    bars = [[line.count("━") for line in lines if "1 sigma" in line] for lines in (narrow, wide)]
+    assert bars[0] == bars[1]
+    assert len(set(bars[1])) > 1
+
+
 def test_what_is_held_is_called_so() -> None:
     """Mutations: a number for it; the bar of the others missing, or a bar for what has none."""
     stds = {"translation_std_m": [None, 0.03, 0.0004], "rotation_std_deg": [None] * 3, "time_offset_std_s": None}
