@@ -27,8 +27,8 @@ Verdict = Literal["calibrated", "weak", "refused", "failed"]
 
 
 class Row(BaseModel):
-    """One recording. Empty where there is no answer; standard deviations of the rotation about the lidar's axes, of the translation
-    along the IMU's. The answer is T_imu_lidar, its angles those of R = Rz(yaw) Ry(pitch) Rx(roll).
+    """One recording. Empty where there is no answer; standard deviations of the rotation about the lidar's axes, of the
+    translation along the IMU's. The answer is T_imu_lidar, its angles those of R = Rz(yaw) Ry(pitch) Rx(roll).
 
     code, sentence: why a recording was refused or has no document; sentence also of an answer that anything speaks against.
     asked, recording_bytes, recording_written_ns: what made_of.py compares; empty where nobody knew.
