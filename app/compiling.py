@@ -13,7 +13,10 @@ COMPILING = "compiling the program's loops for this machine, which is done once"
 @contextmanager
 def compiling_told(on_event: OnEvent) -> Iterator[OnEvent]:
     """What a computation is to tell its events to: `on_event` hears them all, and when loops are compiled meanwhile."""
-    from numba.core import event as compiler  # a server that only answers does without
+    # A server that only answers does without. All of it first, so that a thread that brings it in is waited for: whoever takes
+    # a part by its own name meanwhile gets it half made, that thread fails within the compiler's lock, and it is never let go.
+    import numba  # noqa: F401
+    from numba.core import event as compiler
 
     told = _Told(on_event)
 

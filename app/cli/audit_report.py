@@ -10,10 +10,21 @@ from rich.text import Text
 
 from app.cli.terminal import bullet
 from calib_core.audit.report import AuditReport, AxisAudit, Verdict, in_si
-from calib_core.result import AXIS_WORDS
+from calib_core.settings import Axis
 from calib_core.sigmas import std_cell, std_text, value_text
 
 _STYLES: dict[Verdict, str] = {"passed": "bold green", "failed": "bold red", "unknown": "bold yellow"}
+#: So short that a row of the table is one line of a terminal with 80 columns; whose axes they are is said below it.
+_NAMES: dict[Axis, str] = {
+    "rx": "rotation x",
+    "ry": "rotation y",
+    "rz": "rotation z",
+    "tx": "translation x",
+    "ty": "translation y",
+    "tz": "translation z",
+    "dt": "time offset",
+}
+_WHOSE_AXES = Text(" rotation about the lidar's axes, translation along the IMU's", style="dim")
 
 
 def audit_block(report: AuditReport, name: str) -> RenderableType:
@@ -21,14 +32,14 @@ def audit_block(report: AuditReport, name: str) -> RenderableType:
     parts: list[RenderableType] = [Text(report.text, style=_STYLES[report.verdict])]
     parts.append(Text(f"{name} was read as {report.extrinsic_form}.", style="dim"))
     if report.axes:
-        parts.append(_axes(report.axes))
+        parts.append(Padding(Group(_axes(report.axes), _WHOSE_AXES), (1, 0)))
     if report.crispness is not None:
         parts.append(Text(report.crispness.text))
     parts += [bullet("-", Text(hint), "yellow") for hint in report.hints]
     return Panel(Group(*parts), title="unsweep audit", title_align="left", border_style="dim", padding=(0, 1))
 
 
-def _axes(axes: list[AxisAudit]) -> RenderableType:
+def _axes(axes: list[AxisAudit]) -> Table:
     table = Table(box=None, padding=(0, 1), header_style="dim")
     table.add_column("given minus found")
     for title in ("difference", "1 sigma", "limit", "would have shown"):
@@ -37,14 +48,14 @@ def _axes(axes: list[AxisAudit]) -> RenderableType:
     for axis in axes:
         verdict = "not judged" if axis.verdict is None else axis.verdict
         table.add_row(
-            AXIS_WORDS[axis.axis].removesuffix(" axis"),
+            _NAMES[axis.axis],
             _difference(axis),
             std_cell(*in_si(axis.difference_std, axis.unit), named=True),
             "-" if axis.limit is None else f"{axis.limit:g} {axis.unit}",
             f"from {_reach(axis)}",
             Text(verdict, style="dim" if axis.verdict is None else _STYLES[axis.verdict]),
         )
-    return Padding(table, (1, 0))
+    return table
 
 
 def _difference(axis: AxisAudit) -> str:

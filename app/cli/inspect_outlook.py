@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rich.console import Group, RenderableType
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -17,8 +18,8 @@ from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.sigmas import std_cell, tells_nothing
 
 _FORECAST_ROWS = (
-    ("rotation, about the lidar's", ("rx", "ry", "rz"), "deg", WEAK_DEG),
-    ("lever arm, along the IMU's", ("tx", "ty", "tz"), "mm", WEAK_M),
+    ("rotation", ("rx", "ry", "rz"), "deg", WEAK_DEG),
+    ("translation", ("tx", "ty", "tz"), "mm", WEAK_M),
     ("time offset", ("dt",), "ms", WEAK_S),
 )
 
@@ -33,14 +34,14 @@ def planes_block(planes: PlanesReport) -> RenderableType:
         tilt = "" if plane.tilt_deg is None else f"{plane.tilt_deg:.0f}°"
         distance = f"{plane.distance_m:.1f} m"
         table.add_row(Text(plane.name), f"{plane.area_m2:.1f} m²", distance, tilt, f"{1e3 * plane.rms_m:.0f} mm")
-    said = Text(f"  {planes.text}", style="green" if planes.determined else "yellow")
+    said = _indented(planes.text, "green" if planes.determined else "yellow")
     return Group(table, said) if planes.planes else said
 
 
 def forecast_block(forecast: Forecast) -> RenderableType:
     """Of each parameter one standard deviation, beside what counts as weak."""
     if not forecast.parameters:
-        return Text(f"  {forecast.text or forecast.reason}", style="yellow")
+        return _indented(forecast.text or forecast.reason, "yellow")
     by_name = {parameter.name: parameter for parameter in forecast.parameters}
     table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
     table.add_column("")
@@ -54,12 +55,18 @@ def forecast_block(forecast: Forecast) -> RenderableType:
             cells = [_known(parameter) for parameter in found]
             blank = [Text("")] * (3 - len(cells))
             table.add_row(title, *cells, *blank, unit, error_bar(max(p.std for p in found), weak))
-    limits = f"  weak beyond {WEAK_DEG:g} deg, {1e3 * WEAK_M:g} mm, {1e3 * WEAK_S:g} ms"
+    limits = f"weak beyond {WEAK_DEG:g} deg, {1e3 * WEAK_M:g} mm, {1e3 * WEAK_S:g} ms"
     # Followed is what stands still too, so that it may be longer than the rig is said to move.
     followed = f"{forecast.covered_s:.0f} s that could be followed" if forecast.covered_s else ""
     rests = " and ".join(filter(None, [counted(len(forecast.planes), "plane") if forecast.planes else "", followed]))
     rests = f"; from {rests}" if rests else ""
-    return Group(table, Text(limits + rests, style="dim"))
+    axes = "rotation about the lidar's axes, translation along the IMU's"
+    return Group(table, _indented(axes, "dim"), _indented(limits + rests, "dim"))
+
+
+def _indented(words: str, style: str) -> RenderableType:
+    """A sentence below a table, all of its lines as far in as the table."""
+    return Padding(Text(words, style=style), (0, 0, 0, 2))
 
 
 def _known(parameter: ParameterForecast) -> Text:

@@ -64,8 +64,20 @@ def _verdict(report: DoctorReport, path: str) -> RenderableType:
     lines: list[RenderableType] = [Text(sentence, style=style)]
     lines += [bullet("-", Text(reason), colour) for reason in report.reasons]
     if report.verdict != "unusable":
-        lines.append(Text(f"Next: unsweep calibrate {shlex.quote(path)}", style="dim"))
+        lines.append(Text(f"Next: {_next_command(report, path)}", style="dim"))
     return Panel(Group(*lines), title="Verdict", title_align="left", border_style=colour, padding=(0, 1))
+
+
+def _next_command(report: DoctorReport, path: str) -> str:
+    """What calibrates the recording as it was looked at; a word in capitals stands for a topic that is still to be chosen."""
+    words = ["unsweep", "calibrate", shlex.quote(path)]
+    for sensor, candidates, found in (
+        ("lidar", report.lidar_candidates, report.lidar),
+        ("imu", report.imu_candidates, report.imu),
+    ):
+        if len(candidates) > 1:
+            words += [f"--{sensor}-topic", "TOPIC" if found is None else shlex.quote(found.topic)]
+    return " ".join(words)
 
 
 def _section(title: str) -> RenderableType:

@@ -157,27 +157,30 @@ class LiveProgress:
 
 
 def iteration_table(event: IterationEvent) -> Table:
-    """The parameters of one iteration with their standard deviations, drawn against what counts as weak."""
-    table = Table(box=None, padding=(0, 1), show_header=True, header_style="dim")
-    table.add_column(f"iteration {event.iteration}, cost {event.cost:.6g}", min_width=30)
+    """The parameters of one iteration with their standard deviations, drawn against what counts as weak.
+
+    No wider than 80 columns: a bar that is cut is as long as any other.
+    """
+    table = Table(box=None, padding=(0, 1, 0, 0), show_header=True, header_style="dim")
+    table.add_column(f"iteration {event.iteration}, cost {event.cost:.6g}", min_width=24)
     for axis in "xyz":
-        table.add_column(axis, justify="right", min_width=10)
+        table.add_column(axis, justify="right", min_width=9)
     table.add_column("")
     table.add_column("error bar, marked where weak", min_width=_BAR_CELLS)
     turns, turn_unit = std_row(event.rotation_std_deg, "deg")
     places, place_unit = std_row(event.translation_std_m, "m")
     clock, clock_unit = std_row([event.time_offset_std_s], "s")
     angles, angle_unit = value_row(event.euler_xyz_deg, event.rotation_std_deg, "deg")
-    lever_arm, length_unit = value_row(event.translation_m, event.translation_std_m, "m")
+    translation, length_unit = value_row(event.translation_m, event.translation_std_m, "m")
     (offset,), offset_unit = value_row([event.time_offset_s], [event.time_offset_std_s], "s")
-    table.add_row("rotation (roll, pitch, yaw)", *angles, angle_unit, "")
+    table.add_row("roll, pitch, yaw", *angles, angle_unit, "")
     table.add_row(
-        "  [dim]1 sigma about lidar x, y, z[/]",
+        "  [dim]1 sigma, lidar's axes[/]",
         *turns,
         turn_unit,
         _widest_bar(event.rotation_std_deg, WEAK_DEG),
     )
-    table.add_row("lever arm (lidar in IMU axes)", *lever_arm, length_unit, "")
+    table.add_row("translation from the IMU", *translation, length_unit, "")
     table.add_row(
         "  [dim]1 sigma[/]",
         *places,
@@ -225,4 +228,6 @@ def bullet(mark: str, words: RenderableType, style: str) -> RenderableType:
 def _in_one_line(event: IterationEvent) -> str:
     rotation = " ".join(f"{value:.4f}" for value in event.euler_xyz_deg)
     translation = " ".join(f"{1e3 * value:.2f}" for value in event.translation_m)
-    return f"roll pitch yaw {rotation} deg, lever arm {translation} mm, time offset {1e3 * event.time_offset_s:.4f} ms"
+    return (
+        f"roll pitch yaw {rotation} deg, translation {translation} mm, time offset {1e3 * event.time_offset_s:.4f} ms"
+    )

@@ -27,7 +27,8 @@ Verdict = Literal["calibrated", "weak", "refused", "failed"]
 
 
 class Row(BaseModel):
-    """One recording. Empty where there is no answer; rotation about the lidar's axes, translation along the IMU's.
+    """One recording. Empty where there is no answer; standard deviations of the rotation about the lidar's axes, of the
+    translation along the IMU's. The answer is T_imu_lidar, its angles those of R = Rz(yaw) Ry(pitch) Rx(roll).
 
     code, sentence: why a recording was refused or has no document; sentence also of an answer that anything speaks against.
     asked, recording_bytes, recording_written_ns: what made_of.py compares; empty where nobody knew.
@@ -52,6 +53,13 @@ class Row(BaseModel):
     asked: str = ""
     recording_bytes: int | Literal[""] = ""
     recording_written_ns: int | Literal[""] = ""
+    roll_deg: float | Literal[""] = ""
+    pitch_deg: float | Literal[""] = ""
+    yaw_deg: float | Literal[""] = ""
+    translation_x_m: float | Literal[""] = ""
+    translation_y_m: float | Literal[""] = ""
+    translation_z_m: float | Literal[""] = ""
+    time_offset_s: float | Literal[""] = ""
 
     @property
     def has_document(self) -> bool:
@@ -83,7 +91,7 @@ def _facts_of_order(order: FleetOrder, lay: Stored | None) -> dict[str, object]:
 
 
 def _facts_of_result(result: CalibrationResult) -> dict[str, object]:
-    facts: dict[str, object] = {"verdict": result.status}
+    facts: dict[str, object] = {"verdict": result.status, **_answer(result)}
     if result.uncertainty is not None:
         turn, shift = result.uncertainty.rotation_std_deg, result.uncertainty.translation_std_m
         facts |= {f"rotation_std_{axis}_deg": std for axis, std in zip("xyz", turn, strict=True)}
@@ -94,6 +102,15 @@ def _facts_of_result(result: CalibrationResult) -> dict[str, object]:
     if tone(result) != "good":
         facts["sentence"] = told(result)
     return facts
+
+
+def _answer(result: CalibrationResult) -> dict[str, object]:
+    """What was found, so that one rig that is unlike the others is seen in the table."""
+    if result.T_imu_lidar is None or result.time_offset_s is None:
+        return {}
+    angles = dict(zip(("roll_deg", "pitch_deg", "yaw_deg"), result.T_imu_lidar.euler_xyz_deg, strict=True))
+    place = {f"translation_{axis}_m": each for axis, each in zip("xyz", result.T_imu_lidar.translation_m, strict=True)}
+    return {**angles, **place, "time_offset_s": result.time_offset_s}
 
 
 def read_rows(folder: Path) -> list[Row]:
@@ -144,7 +161,8 @@ def documented(order: FleetOrder, folder: Path, rows: Mapping[str, Row]) -> Row 
     if not is_same_recording(order.recording, row.stored, result.provenance.recording.sha256):
         others.append(CHANGED)
     # Where and how the recording lies by now, so that it need not be hashed the next time.
-    return tuple(others) or row.model_copy(update=_facts_of_order(order, stored(order.recording)))
+    # A table of an earlier version had no answers in it.
+    return tuple(others) or row.model_copy(update=_answer(result) | _facts_of_order(order, stored(order.recording)))
 
 
 def _document(name: str, folder: Path) -> CalibrationResult | None:

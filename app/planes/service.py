@@ -249,9 +249,7 @@ class PlaneService:
             if discard(folder):  # there was something, and it was not whole: it is found again
                 with self._lock:
                     self._damaged[recording_id] = record
-            raise Conflict(
-                "planes.not_proposed", "The planes of this recording have not been found yet; wait for its job."
-            ) from None
+            raise Conflict("planes.not_proposed", "The planes of this recording have not been found yet.") from None
         with self._lock:
             self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:

@@ -139,4 +139,4 @@ def _off(axis: AxisAudit) -> str:
     scale, name = scale_of(std, unit)
     digits = decimals(scale * std)
     difference, _ = in_si(axis.difference or 0.0, axis.unit)
-    return f"{scale * difference:+.{digits}f} +- {scale * std:.{digits}f} {name}"
+    return f"{scale * difference:+.{digits}f} ± {scale * std:.{digits}f} {name}"

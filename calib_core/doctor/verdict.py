@@ -162,12 +162,12 @@ def _judge_motion(case: _Case, imu: ImuReport) -> None:
         case.fatal.append(f"The rig stands still throughout ({strongest:.2f} deg/s): a calibration needs motion.")
         case.advice.append(_TURN)
     elif strongest < WEAK_ROTATION_DEG_S:
-        case.limits.append(f"The rig hardly turns (at most {strongest:.1f} deg/s): the lever arm stays unknown.")
+        case.limits.append(f"The rig hardly turns (at most {strongest:.1f} deg/s): the translation stays unknown.")
         case.advice.append("Turn the rig about all three axes at 20 to 60 deg/s, changing direction often.")
     elif motion.weakest_axis_rms_deg_s < WEAK_ROTATION_DEG_S:
         case.limits.append(
             f"There is little rotation about {axis_in_words(motion.weakest_axis)} of the IMU"
-            f" ({motion.weakest_axis_rms_deg_s:.1f} deg/s): the lever arm along it stays weak."
+            f" ({motion.weakest_axis_rms_deg_s:.1f} deg/s): the translation along it stays weak."
         )
         case.advice.append(
             f"Turn the rig about {axis_in_words(motion.weakest_axis)} of the IMU too, at 20 to 60 deg/s."

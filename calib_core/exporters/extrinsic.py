@@ -107,7 +107,7 @@ def extrinsic_of(result: CalibrationResult) -> Extrinsic:
         lidar_frame=lidar_frame,
         imu_frame=imu_frame,
         source=f"{printable(recording.name)}, topics {topics}, status {result.status}.",
-        notes=(*frame_notes, *_weak_notes(result)),
+        notes=(*_drift_notes(result), *frame_notes, *_weak_notes(result)),
     )
 
 
@@ -166,6 +166,15 @@ def _frame_name(text: str) -> str:
 def printable(text: str) -> str:
     """Text for a comment line: no line breaks and no signs that end a comment in XML or JSON."""
     return re.sub(r"[^\x20-\x7e]", "?", text).replace("--", "- -").replace("*/", "* /")
+
+
+def _drift_notes(result: CalibrationResult) -> tuple[str, ...]:
+    """When the time offset holds, where the clocks do not run alike: a program is given one number, which is soon another."""
+    if result.clock_rate_ppm is None or result.time_offset_at_s is None:
+        return ()
+    holds = f"it holds {result.time_offset_at_s:.3f} s after the recording began"
+    # Without rounding's -0.00 for clocks that were found to run alike.
+    return (f"The offset changes by {round(result.clock_rate_ppm, 2) + 0.0:.2f} us a second; {holds}.",)
 
 
 def _weak_notes(result: CalibrationResult) -> tuple[str, ...]:

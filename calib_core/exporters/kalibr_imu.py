@@ -124,7 +124,10 @@ def _remarks(result: CalibrationResult) -> list[str]:
     time = "time_offset is added to the IMU's stamps and gives the lidar's clock; write it in one place only."
     lines = [formula, time]
     lines += [f"Taken for ideal and not estimated: {', '.join(ideal)}."] if ideal else []
-    lines += [f"The accelerometer is {ms:.3f} ms behind the gyroscope; Kalibr has no key for it." for ms in delays_ms]
+    lines += [
+        f"The accelerometer is {abs(ms):.3f} ms {'behind' if ms > 0 else 'ahead of'} the gyroscope; Kalibr has no key for it."
+        for ms in delays_ms
+    ]
     bends = np.array([each.value for each in result.intrinsics if each.block == "accelerometer_quadratic"])
     if bends.any():
         lines.append(
@@ -137,7 +140,4 @@ def _remarks(result: CalibrationResult) -> list[str]:
             lines.append(f"The {of_both}; Kalibr has no key for it.")
     if any(each.state == "considered" for each in here):
         lines.append(FOUND_BESIDE)
-    if result.clock_rate_ppm is not None and result.time_offset_at_s is not None:
-        holds = f"it holds {result.time_offset_at_s:.3f} s after the recording began"
-        lines.append(f"The offset grows by {result.clock_rate_ppm:.2f} us a second; {holds}.")
     return lines

@@ -4,7 +4,7 @@ import { render, screen } from "@testing-library/react";
 import { describe, expect, it, vi } from "vitest";
 import type { DoctorReport, Recording } from "../src/api/client";
 import { Report } from "../src/features/recording/report";
-import { Sensors } from "../src/features/recording/sensors";
+import { openChoices, Sensors } from "../src/features/recording/sensors";
 
 // Plots want a canvas, which jsdom has none of.
 vi.mock("../src/ui/lineplot", () => ({ LinePlot: () => null }));
@@ -89,5 +89,28 @@ describe("a report on the way", () => {
     expect(screen.queryByText("Reading it")).toBeNull();
     expect(screen.getByText("Good to calibrate")).toBeTruthy();
     expect(screen.getByText("Turn more.")).toBeTruthy();
+  });
+});
+
+describe("several sensors that fit", () => {
+  const two = { ...whole, verdict: "limited" as const, lidar_candidates: ["/front", "/rear"] };
+
+  // Seen: a sentence that named a choice by a word that stood nowhere. Fails when the verdict offers no topic, or the list has no
+  // visible name.
+  it("are offered where the verdict asks for one, and the list is called what it is", () => {
+    show(two);
+    expect(screen.getByRole("button", { name: "Use the lidar /front" })).toBeTruthy();
+    expect(screen.getByRole("button", { name: "Use the lidar /rear" })).toBeTruthy();
+    expect(screen.getByText("Lidar topic")).toBeTruthy();
+  });
+
+  // Fails when they are offered before everything was looked at, or of one that fits alone.
+  it("are none before the end, and none of one", () => {
+    expect(openChoices({ ...two, final: false })).toEqual([]);
+    expect(openChoices(whole)).toEqual([]);
+    expect(openChoices(two).map((choice) => choice.change)).toEqual([
+      { lidar_topic: "/front" },
+      { lidar_topic: "/rear" },
+    ]);
   });
 });

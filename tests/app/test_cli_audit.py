@@ -124,3 +124,23 @@ def test_a_call_at_fault_is_one_sentence(
     assert run(["audit", "room.bag", *words]) == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
     assert audits == []
+
+
+def test_each_axis_has_one_line_of_80_columns(
+    audits: list[GivenExtrinsic],
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Seen: "translation / along the / IMU's x", three lines an axis. Mutation: the axes in the words of a sentence."""
+    monkeypatch.setenv("COLUMNS", "80")
+    assert run(["audit", "room.bag", "--extrinsic", str(extrinsic(tmp_path, 0.13)), "--quiet"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    rows = [line for line in lines if " passed " in line or " failed " in line]
+    assert [" ".join(row.split()[1:3]) for row in rows] == [
+        *(f"rotation {axis}" for axis in "xyz"),
+        *(f"translation {axis}" for axis in "xyz"),
+        "time offset",
+    ]
+    assert lines.index(rows[-1]) - lines.index(rows[0]) == 6
+    assert any("about the lidar's axes, translation along the IMU's" in line for line in lines)

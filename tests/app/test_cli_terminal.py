@@ -153,6 +153,25 @@ def test_report_says_it_all() -> None:
     assert text.index("40 weak") < text.index("Turn more.") < text.index("Usable with limits."), "the verdict last"
 
 
+def test_the_next_command_says_which_topic() -> None:
+    """Of a recording with two lidars the command as it stood ended with exit code 2. Mutations: topics only where they were
+    chosen, or only where they were not."""
+    two = ("/front", "/rear")
+    assert "room.bag --lidar-topic TOPIC" in shown(report_block(report(lidar=None, lidar_candidates=two)))
+    chosen = shown(report_block(report(imu_candidates=("/imu/data", "/imu/raw"))))
+    assert "Next: unsweep calibrate room.bag --imu-topic /imu/data" in chosen
+
+
+def test_sentences_below_tables_stay_below_them() -> None:
+    """At 80 columns each line of them is as far in as the table. Mutation: the indent written before the first line alone."""
+    parameters = (ParameterForecast(name="rx", std=0.1, unit="deg", weak=False),)
+    forecast = Forecast(parameters=parameters, planes=("floor", "wall 1"), covered_s=20.0)
+    lines = shown(report_block(report(forecast=forecast)), width=80).splitlines()
+    first = next(i for i, line in enumerate(lines) if "weak beyond" in line)
+    assert len(lines[first + 1].strip()) > 0
+    assert all(line.startswith("  ") for line in lines[first : first + 2])
+
+
 def test_forecast_has_two_digits_and_no_number_for_what_is_unknown() -> None:
     """Fails if ten metres of a prior are shown as if they were a forecast, metres are not turned into millimetres, or standstill
     counts as motion.
@@ -230,6 +249,17 @@ def test_iteration_is_in_degrees_millimetres_milliseconds() -> None:
         assert words in text
 
 
+def test_error_bars_are_whole_at_80_columns() -> None:
+    """Seen: all six cells long, whatever they showed. Oracle: a console of any width. Mutation: columns of 14 for numbers."""
+    step = ITERATION.model_copy(
+        update={"iteration": 116, "cost": 1.37306e6, "euler_xyz_deg": [-179.9123, -89.1234, 179.9123]}
+    )
+    narrow, wide = (shown(iteration_table(step), width=width).splitlines() for width in (80, 200))
+    bars = [[line.count("━") for line in lines if "1 sigma" in line] for lines in (narrow, wide)]
+    assert bars[0] == bars[1]
+    assert len(set(bars[1])) > 1
+
+
 def test_what_is_held_is_called_so() -> None:
     """Mutations: a number for it; the bar of the others missing, or a bar for what has none."""
     stds = {"translation_std_m": [None, 0.03, 0.0004], "rotation_std_deg": [None] * 3, "time_offset_std_s": None}
@@ -257,7 +287,7 @@ def test_plain_progress_has_a_line_for_each_stage() -> None:
     progress(LogEvent(level="warning", code="x", text="Mind this."))
     assert lines[0] == "Reading the recording ...\n"
     assert len(lines) == 3
-    assert "lever arm -80.00 89.00 -53.00 mm" in lines[1]
+    assert "translation -80.00 89.00 -53.00 mm" in lines[1]
     assert "Mind this." in lines[2]
 
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import numpy as np
 from numba import njit
 
@@ -47,3 +50,38 @@ def test_what_is_not_of_a_stage_is_passed_on() -> None:
     with compiling_told(heard.append) as told:
         told(LogEvent(level="info", code="x", text="a remark"))
     assert texts(heard) == ["a remark"]
+
+
+BESIDE_A_THREAD = """
+import sys, threading
+from importlib.abc import MetaPathFinder
+
+from app.compiling import compiling_told
+
+halfway, go_on = threading.Event(), threading.Event()
+
+
+class Slow(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name == "llvmlite" and threading.current_thread() is not threading.main_thread():
+            halfway.set()
+            go_on.wait(1.0)
+        return None
+
+
+sys.meta_path.insert(0, Slow())
+thread = threading.Thread(target=lambda: __import__("numba"), daemon=True)
+thread.start()
+halfway.wait()
+with compiling_told(lambda event: None):
+    print("whole" if not sys.modules["numba"].__spec__._initializing else "half made")
+"""
+
+
+def test_a_compiler_that_a_thread_brings_in_is_waited_for() -> None:
+    """Seen: `unsweep calibrate` stood still for ever, seldom. What comes in while a recording is read and what
+    tells of compiling met in the middle of numba; the thread failed within LLVM's lock, and kept it. Mutation: the part alone."""
+    done = subprocess.run(
+        [sys.executable, "-c", BESIDE_A_THREAD], capture_output=True, text=True, timeout=60, check=True
+    )
+    assert done.stdout == "whole\n"

@@ -127,6 +127,10 @@ def test_every_recording_has_its_row_and_its_document(hall):
         table = {line["name"]: line for line in csv.DictReader(file)}
     assert set(table) == set(names)
     assert float(table["room"]["time_offset_std_s"]) == written.uncertainty.time_offset_std_s
+    assert float(table["room"]["yaw_deg"]) == written.T_imu_lidar.euler_xyz_deg[2]
+    assert float(table["room"]["translation_y_m"]) == written.T_imu_lidar.translation_m[1]
+    assert float(table["room"]["time_offset_s"]) == written.time_offset_s
+    assert table["refused"]["translation_y_m"] == ""
 
 
 def test_limits_of_time_and_memory_are_kept_and_said(hall):
@@ -238,6 +242,20 @@ def test_other_planes_or_another_guess_are_other_options(tmp_path):
     documented_by(order, tmp_path)
     assert take_up([order], tmp_path).ahead == []
     assert take_up([order.model_copy(update={"asked": asked[2]})], tmp_path).others == [("initial_guess",)]
+
+
+def test_a_table_without_answers_is_given_them(tmp_path):
+    """What an earlier version began is gone on with. Mutation: a row kept as it was found."""
+    order = orders(tmp_path, "room")[0]
+    documented_by(order, tmp_path)
+    with (tmp_path / NAME).open(newline="") as file:
+        lines = [line[:17] for line in csv.reader(file)]
+    assert lines[0][-1] == "recording_written_ns"
+    with (tmp_path / NAME).open("w", newline="") as file:
+        csv.writer(file).writerows(lines)
+    assert take_up([order], tmp_path).ahead == []
+    written = CalibrationResult.from_json((tmp_path / "room.json").read_text())
+    assert read_rows(tmp_path)[0].yaw_deg == written.T_imu_lidar.euler_xyz_deg[2]
 
 
 def test_without_the_table_only_what_documents_say_is_believed(tmp_path):

@@ -30,7 +30,7 @@ def _described(direction: Direction, data_std: FloatArray) -> WeakDirection:
     vector, largest, alone = _named(direction.vector)
     what = NAMES[largest] if alone else _mixture(vector)
     if direction.is_open:
-        text = f"The recording does not determine {what}; what is given for it is assumed, not measured."
+        text = f"The recording does not determine {what}; the value stated for it is assumed, not measured."
     else:
         # By a parameter's name it is that parameter's own, as every table has it, to which other directions add their part.
         along = abs(float(vector[largest])) * direction.spread * float(UNITS[largest])
@@ -50,7 +50,7 @@ def _mixture(vector: FloatArray) -> str:
         ", ".join(f"{round(float(v), 2) + 0.0:+.2f}" for v in vector[part]) for part in (ROTATION, TRANSLATION)
     )
     if np.linalg.norm(vector[TRANSLATION]) > WORDING.one_kind:
-        return f"the lever arm along ({lever}) of the IMU's axes"
+        return f"the translation along ({lever}) of the IMU's axes"
     if np.linalg.norm(vector[ROTATION]) > WORDING.one_kind:
         return f"the rotation about ({rotation}) of the lidar's axes"
     parts = ", ".join(f"{v:+.2f} {_SHORT[i]}" for i, v in enumerate(vector) if abs(v) > WORDING.named)
@@ -99,7 +99,7 @@ def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: Flo
             arms.setdefault(quiet, []).append(i)
     out = [
         Advice(
-            f"To determine the lever arm along the IMU's {' and '.join(axes[i] for i in along)} "
+            f"To determine the translation along the IMU's {' and '.join(axes[i] for i in along)} "
             f"{'axes' if along[1:] else 'axis'}, turn to and fro about the IMU's {axes[quiet]} axis (it turned at "
             f"{np.degrees(turning_std_rad_s[quiet]):.1f} deg/s rms; 30 deg/s or more with quick reversals is good).",
             tuple(3 + i for i in along),

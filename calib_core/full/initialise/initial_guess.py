@@ -90,7 +90,7 @@ def with_lever_arm(run: Run, found: LinearStart, as_given: LinearStart, p_imu_li
     run.say(
         "warning",
         "start.guess_refuted",
-        f"the lever arm of the initial guess is {away_m:.2g} m from the one by which both sensors move alike: the solve starts "
+        f"the translation of the initial guess is {away_m:.2g} m from the one by which both sensors move alike: the solve starts "
         "from the latter",
     )
     return found

@@ -73,14 +73,14 @@ def _is_uneven(stamps_ns: IntArray) -> bool:
 def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:
     stamps = f"the stamps of {topic} jitter by {1e3 * sampling.jitter_s:.2g} ms"
     share, std = 100.0 * sampling.in_sampling, 100.0 * sampling.in_sampling_std
-    shown = f"{share:.1f} +- {std:.1f} % of it shows in the readings"
+    shown = f"{share:.1f} ± {std:.1f} % of it shows in the readings"
     evenly = f"readings are taken as sampled evenly, every {1e3 * sampling.period_s:.4g} ms"
     if 1.0 - sampling.in_rows > STAMPS.worth_counting:
         evenly += f", but for {100.0 * (1.0 - sampling.in_rows):.0f} % of them, whose stamps follow no line"
     if sampling.late_s > 0.0:
         evenly += (
             f"; the mean stamp comes {1e3 * sampling.late_s:.2g} ms after the most punctual ones, which is part of the time "
-            "offset: of a driver without that delay it is so much greater"
+            "offset: with a driver without that delay it would be greater by as much"
         )
     if forced:
         return f"{stamps}; {evenly}, as asked"

@@ -61,7 +61,7 @@ def deskew_suspicion(scans: Sequence[Scan], imu: ImuData, coarse_offset_ns: int,
             Evidence("resting scans", len(still)),
         ),
         confidence=0.8 if still else 0.5,
-        consequence="the lever arm and the time offset cannot be trusted; record the driver's raw cloud",
+        consequence="the translation and the time offset cannot be trusted; record the driver's raw cloud",
     )
 
 

@@ -286,7 +286,7 @@ def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
             Finding(
                 "imu.jitter",
                 "warning",
-                f"Stamps on {topic} jitter: one follows another after {period_ms:.2f} +- {statistics.jitter_s * 1e3:.2f} ms,"
+                f"Stamps on {topic} jitter: one follows another after {period_ms:.2f} ± {statistics.jitter_s * 1e3:.2f} ms,"
                 " as those of an IMU stamped by the host do.",
                 (
                     Evidence("spread of the steps", statistics.jitter_s, "s"),

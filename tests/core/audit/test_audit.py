@@ -133,10 +133,10 @@ def test_axes_are_counted_that_are_judged() -> None:
 @pytest.mark.parametrize(
     ("difference", "std", "said"),
     [
-        (50.31, 0.998, "+50.3 +- 1.0 mm"),
-        (-0.6214, 0.0996, "-0.62 +- 0.10 mm"),
-        (112_204.0, 934.0, "+112204 +- 934 mm"),
-        (112_204.0, 1234.0, "+112.2 +- 1.2 m"),
+        (50.31, 0.998, "+50.3 ± 1.0 mm"),
+        (-0.6214, 0.0996, "-0.62 ± 0.10 mm"),
+        (112_204.0, 934.0, "+112204 ± 934 mm"),
+        (112_204.0, 1234.0, "+112.2 ± 1.2 m"),
     ],
 )
 def test_a_failure_is_told_to_its_sigmas_second_digit(difference: float, std: float, said: str) -> None:

@@ -135,6 +135,18 @@ def test_sentence_and_self_check_hold(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
+def test_a_time_offset_that_changes_says_so(name: str) -> None:
+    """A program is given one number: by 39 us a second it is 2 ms off within a minute. Mutations: the sentence in the IMU's own
+    file alone, as it was; said of clocks that were taken to run alike."""
+    result = make_result(np.eye(3), np.zeros(3), 12_000_000)
+    assert "us a second" not in export(result, name)
+    result.clock_rate_ppm, result.time_offset_at_s = -39.438, 9.9506
+    assert "The offset changes by -39.44 us a second; it holds 9.951 s after the recording began." in export(
+        result, name
+    )
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_refused_result_is_one_sentence(name: str) -> None:
     """Fails if a refused result is exported as identity or ends in a traceback."""
     with pytest.raises(InputError, match=r"room\.bag has the status `refused`"):

@@ -278,8 +278,8 @@ def test_the_gyroscopes_turn_agrees_with_scipy(angle: float) -> None:
 
 
 def test_what_kalibr_has_no_key_for_is_said() -> None:
-    """Mutations: the delay, the bent lines, the filters, the clock's rate, a block that was not estimated or parameters not
-    applied passed over."""
+    """Mutations: the delay, which way it is, the bent lines, the filters, the clock's rate, a block that was not estimated or
+    parameters not applied passed over."""
     scale = parameter("gyroscope_scale", "x", 0.01, state="considered")
     bends = [parameter("accelerometer_quadratic", name, 1e-4 * k) for k, name in enumerate("xyz")]
     filters = [parameter("low_pass_skew", name, 1e-6 * k) for k, name in enumerate(("gyroscope", "accelerometer"))]
@@ -287,10 +287,12 @@ def test_what_kalibr_has_no_key_for_is_said() -> None:
     result.clock_rate_ppm, result.time_offset_at_s = 12.5, 30.0
     text = export(result, "kalibr-imu")
     assert "1.500 ms behind the gyroscope" in text
+    early = export(imu_result(scale, parameter("accelerometer_delay", "delay", -0.00163)), "kalibr-imu")
+    assert "1.630 ms ahead of the gyroscope" in early
     assert "squared accelerations [0.0, 0.0001, 0.0002] 1/(m/s²) are read too much" in text
     assert "low-pass filters have a skew of [0.0, 0.000001] s³" in text
     assert "have a spread" not in text
-    assert "grows by 12.50 us a second; it holds 30.000 s after" in text
+    assert "changes by 12.50 us a second; it holds 30.000 s after" in text
     assert (
         "ideal and not estimated: gyroscope_axes, gyroscope_rotation, accelerometer_scale, accelerometer_axes, g_sensitivity."
         in text

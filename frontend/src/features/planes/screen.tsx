@@ -156,9 +156,12 @@ export function PlanesScreen() {
           <Notice
             level={job.state === "failed" ? "error" : "warning"}
             actions={
-              <Button size="compact-sm" variant="default" onClick={() => startJob({ kind: "planes" })}>
-                Look again
-              </Button>
+              <>
+                <BackToRecording id={recording.id} />
+                <Button size="compact-sm" variant="default" onClick={() => startJob({ kind: "planes" })}>
+                  Look again
+                </Button>
+              </>
             }
           >
             {job.error?.text ?? job.state_text}
@@ -254,16 +257,18 @@ function History({ planes, apply }: { planes: Planes; apply: (operation: Operati
 export function NotHere({ recording }: { recording: Recording }) {
   const { text, tone } = standingOf(recording);
   return (
-    <Notice
-      level={tone === "error" ? "error" : "warning"}
-      actions={
-        <Button component={Link} to={`/r/${recording.id}/recording`} size="compact-sm" variant="default">
-          Back to the recording
-        </Button>
-      }
-    >
+    <Notice level={tone === "error" ? "error" : "warning"} actions={<BackToRecording id={recording.id} />}>
       {`${text}: there are no planes before the recording has been read.`}
     </Notice>
+  );
+}
+
+/** Where what keeps planes from being found is chosen and put right. */
+function BackToRecording({ id }: { id: string }) {
+  return (
+    <Button component={Link} to={`/r/${id}/recording`} size="compact-sm" variant="default">
+      Back to the recording
+    </Button>
   );
 }
 

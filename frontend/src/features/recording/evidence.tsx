@@ -31,14 +31,16 @@ export function Evidence({ timeline }: { timeline: DoctorReport["timeline"] }) {
         yUnit="m/s²"
         height={130}
       />
-      <LinePlot
-        label="Time from scan to scan, as received"
-        x={timeline.scan_t_s.slice(1)}
-        lines={[{ label: "scan", color: "var(--accent)", values: steps }]}
-        xUnit="s"
-        yUnit="ms"
-        height={110}
-      />
+      {steps.length > 0 && (
+        <LinePlot
+          label="Time from scan to scan, as received"
+          x={timeline.scan_t_s.slice(1)}
+          lines={[{ label: "scan", color: "var(--accent)", values: steps }]}
+          xUnit="s"
+          yUnit="ms"
+          height={110}
+        />
+      )}
     </section>
   );
 }

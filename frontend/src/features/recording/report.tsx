@@ -10,6 +10,7 @@ import { Evidence } from "./evidence";
 import { Forecast, planesText } from "./forecast";
 import { fixOf, fixText, isOffered } from "./fixes";
 import css from "./recording.module.css";
+import { openChoices } from "./sensors";
 import { SpanStrip } from "./strip";
 
 const tones: Record<DoctorReport["verdict"], Tone> = { good: "good", limited: "warning", unusable: "error" };
@@ -104,6 +105,7 @@ function Verdict({ recording, report, change }: VerdictProps) {
         {report.reasons.map((reason) => (
           <p key={reason}>{reason}</p>
         ))}
+        <Choices report={report} change={change} />
         {lacksPointTimes(recording, report) && (
           <div className={css.cure}>
             <Button
@@ -132,6 +134,27 @@ function Verdict({ recording, report, change }: VerdictProps) {
         )}
       </div>
     </header>
+  );
+}
+
+/** Where several sensors fit, each of them: without one nothing is told of the recording. */
+function Choices({ report, change }: Pick<VerdictProps, "report" | "change">) {
+  const choices = openChoices(report);
+  if (choices.length === 0) return null;
+  return (
+    <div className={css.choices}>
+      {choices.map(({ name, topic, change: chosen }) => (
+        <Button
+          key={name + topic}
+          size="compact-md"
+          variant="default"
+          loading={change.isPending}
+          onClick={() => change.mutate(chosen)}
+        >
+          {`Use the ${name} ${topic}`}
+        </Button>
+      ))}
+    </div>
   );
 }
 

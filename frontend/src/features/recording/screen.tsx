@@ -18,7 +18,7 @@ import { hasArrived } from "../workspace/state";
 import { Note } from "./note";
 import { Report } from "./report";
 import { Reading } from "./reading";
-import { Sensors } from "./sensors";
+import { openChoices, Sensors } from "./sensors";
 import css from "./recording.module.css";
 
 /** What the recording holds, what stands in its way, and which part of it to use. */
@@ -27,11 +27,14 @@ export function RecordingScreen() {
   const navigate = useNavigate();
   const goOn = () => void navigate(`/r/${recording.id}/planes`);
   const arrived = hasArrived(recording);
+  const { report } = recording;
+  // Without a sensor there is nothing to look for planes in.
+  const choosing = report !== null && report !== undefined && openChoices(report).length > 0;
   useShortcuts(
     "Recording",
     arrived
       ? [
-          { keys: "Enter", label: "Choose planes", run: goOn },
+          ...(choosing ? [] : [{ keys: "Enter", label: "Choose planes", run: goOn }]),
           { keys: "a", label: "Audit an extrinsic", run: () => void navigate(`/r/${recording.id}/audit`) },
         ]
       : [],
@@ -46,7 +49,13 @@ export function RecordingScreen() {
       <Panel
         title="Sensors"
         footer={
-          <Button fullWidth disabled={!arrived} onClick={goOn} rightSection={<Icon name="next" />}>
+          <Button
+            fullWidth
+            disabled={!arrived || choosing}
+            variant={report?.final === true && report.verdict === "unusable" ? "default" : "filled"}
+            onClick={goOn}
+            rightSection={<Icon name="next" />}
+          >
             Choose planes
           </Button>
         }

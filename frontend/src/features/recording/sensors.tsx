@@ -1,5 +1,5 @@
 import { NativeSelect, Skeleton } from "@mantine/core";
-import type { DoctorReport, Recording } from "../../api/client";
+import type { ChangeRecording, DoctorReport, Recording } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
 import { count, duration, fixed } from "../../ui/format";
 import { Fault } from "../../ui/notice";
@@ -59,6 +59,24 @@ export function Sensors({ recording }: { recording: Recording }) {
   );
 }
 
+/** The choices without which nothing is known of the recording, and which only a person can make; none where all are made. */
+export function openChoices(report: DoctorReport): { name: string; topic: string; change: ChangeRecording }[] {
+  if (!report.final) return [];
+  const of = (candidates: readonly string[], made: boolean) => (made || candidates.length < 2 ? [] : candidates);
+  return [
+    ...of(report.lidar_candidates, report.lidar !== null).map((topic) => ({
+      name: "lidar",
+      topic,
+      change: { lidar_topic: topic },
+    })),
+    ...of(report.imu_candidates, report.imu !== null).map((topic) => ({
+      name: "IMU",
+      topic,
+      change: { imu_topic: topic },
+    })),
+  ];
+}
+
 /** Where there is no choice, the topic is known before anything of it is. */
 function theOne(candidates: readonly string[]): string | null {
   return candidates.length === 1 ? (candidates[0] ?? null) : null;
@@ -78,7 +96,7 @@ function TopicChoice({ label, candidates, value, onChoose, disabled }: TopicChoi
     <NativeSelect
       size="xs"
       mb={6}
-      aria-label={label}
+      label={label}
       data={[...(value === null ? [{ value: "", label: `Choose among ${candidates.length}` }] : []), ...candidates]}
       value={value ?? ""}
       disabled={disabled}

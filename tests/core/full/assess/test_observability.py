@@ -206,7 +206,7 @@ def test_a_direction_is_told_the_same_way_round_whichever_way_it_came() -> None:
 def test_a_direction_of_one_kind_is_named_as_such() -> None:
     """Fails when a slanting lever arm is called a combination in units nobody thinks in, or a rotation a lever arm."""
     for first, said in (
-        (3, "lever arm along (+0.80, -0.60, +0.00) of the IMU's"),
+        (3, "the translation along (+0.80, -0.60, +0.00) of the IMU's"),
         (0, "rotation about (+0.80, -0.60, +0.00) of"),
     ):
         basis = np.eye(7)
@@ -300,11 +300,11 @@ def test_advice_names_the_axis_to_turn_about() -> None:
     assert advice(_assess(_all(GOOD)), turning, np.eye(3)) == []
     (lever,) = advice(_assess(_all(GOOD, tz=np.inf)), turning, np.eye(3))
     assert lever.about == (5,)
-    assert "lever arm along the IMU's z axis" in lever.text
+    assert "the translation along the IMU's z axis" in lever.text
     assert "about the IMU's y axis" in lever.text
     both, other = advice(_assess(_all(GOOD, tx=np.inf, ty=np.inf, tz=np.inf)), turning, np.eye(3))
     assert (both.about, other.about) == ((3, 5), (4,))
-    assert "lever arm along the IMU's x and z axes, turn to and fro about the IMU's y axis" in both.text
+    assert "the translation along the IMU's x and z axes, turn to and fro about the IMU's y axis" in both.text
     (turn,) = advice(_assess(_all(GOOD, rx=3.0)), turning, exp(np.array([0.1, 0, 0])))
     assert ("rotation" in turn.text, turn.about) == (True, (0, 1, 2))
     (offset,) = advice(_assess(_all(GOOD, dt=5.0)), turning, np.eye(3))

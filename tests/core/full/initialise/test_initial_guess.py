@@ -164,6 +164,6 @@ def test_a_lever_arm_that_both_motions_refute(
     np.testing.assert_allclose(as_given.p_imu_lidar, given_m, atol=1e-2)
     begun = with_lever_arm(run, found, as_given, given_m)  # type: ignore[arg-type]
     np.testing.assert_array_equal(begun.p_imu_lidar, found.p_imu_lidar if refuted else given_m)
-    assert [text.startswith("start.guess_refuted the lever arm of the initial guess is 2 m from") for text in said] == (
-        [True] * refuted
-    )
+    assert [
+        text.startswith("start.guess_refuted the translation of the initial guess is 2 m from") for text in said
+    ] == ([True] * refuted)

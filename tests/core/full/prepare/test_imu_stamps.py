@@ -111,11 +111,11 @@ def test_stamps_in_no_row_are_said_to_be_even_when_nobody_asked(noisy: tuple[Rec
 @pytest.mark.parametrize(
     ("beta", "std", "in_rows", "compared", "words"),
     [
-        (0.01, 0.02, 1.0, 600, "the sampling does not (1.0 +- 2.0 %"),
-        (0.30, 0.03, 1.0, 600, "less than half of it is in the sampling (30.0 +- 3.0 %"),
-        (0.70, 0.03, 1.0, 600, "more than half of it is in the sampling (70.0 +- 3.0 %"),
-        (0.98, 0.03, 1.0, 600, "and so does the sampling (98.0 +- 3.0 %"),
-        (6.60, 0.10, 1.0, 600, "fit neither sampling when stamped nor even sampling (660.0 +- 10.0 %"),
+        (0.01, 0.02, 1.0, 600, "the sampling does not (1.0 ± 2.0 %"),
+        (0.30, 0.03, 1.0, 600, "less than half of it is in the sampling (30.0 ± 3.0 %"),
+        (0.70, 0.03, 1.0, 600, "more than half of it is in the sampling (70.0 ± 3.0 %"),
+        (0.98, 0.03, 1.0, 600, "and so does the sampling (98.0 ± 3.0 %"),
+        (6.60, 0.10, 1.0, 600, "fit neither sampling when stamped nor even sampling (660.0 ± 10.0 %"),
         (0.40, 0.20, 1.0, 600, "cannot be told from this motion"),
         (0.50, np.inf, 1.0, 0, "too few readings in a row are without a loss to tell"),
         (0.01, 0.02, 0.88, 600, "every 10 ms, but for 12 % of them, whose stamps follow no line"),
