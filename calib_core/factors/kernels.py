@@ -30,6 +30,7 @@ from calib_core.factors.blocks import (
     new_block,
     weight_of,
 )
+from calib_core.geometry.compiled import transposed_by_into
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 #: A ray that is parallel to a face but for this never meets it.
@@ -79,6 +80,25 @@ def hits_kernel(
                 plane[at] = best
                 x_hit[at, 0], x_hit[at, 1], x_hit[at, 2] = S[HIT_X + m], S[HIT_Y + m], S[HIT_Z + m]
                 d[at], cosine[at], beside[at] = S[DISTANCE + m], S[COSINE + m], S[BESIDE + m]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def seen_from_kernel(
+    R: FloatArray,
+    p: FloatArray,
+    from_R: FloatArray,
+    from_p: FloatArray,
+    which: IntArray,
+    out_R: FloatArray,
+    out_p: FloatArray,
+) -> None:
+    """Fills out_R (S, 3, 3), out_p (S, 3): poses R, p as others see them, from_R (K, 3, 3), from_p (K, 3), which (S,)."""
+    for i in range(which.shape[0]):
+        k = which[i]
+        transposed_by_into(from_R[k], R[i], out_R[i])
+        x, y, z = p[i, 0] - from_p[k, 0], p[i, 1] - from_p[k, 1], p[i, 2] - from_p[k, 2]
+        for c in range(3):
+            out_p[i, c] = from_R[k, 0, c] * x + from_R[k, 1, c] * y + from_R[k, 2, c] * z
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")

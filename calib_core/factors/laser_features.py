@@ -209,8 +209,7 @@ def _moments(cross_sums: FloatArray, gram_sums: FloatArray, some: IntArray) -> t
 
 def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tuple[FloatArray, FloatArray]:
     """R (S, 3, 3), p (S, 3) that take each slice's hits to the middle of its group. group: (S,).   middle: (G,) slices."""
-    back = np.swapaxes(poses.R[middle], 1, 2)[group]
-    return back @ poses.R, (back @ (poses.p - poses.p[middle][group])[..., None])[..., 0]
+    return poses.seen_from(poses, middle[group])
 
 
 @dataclass(frozen=True)

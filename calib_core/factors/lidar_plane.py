@@ -30,6 +30,7 @@ from calib_core.factors.kernels import (
     faces_kernel,
     hits_kernel,
     move_and_sum_kernel,
+    seen_from_kernel,
     select_kernel,
     sieve_kernel,
 )
@@ -110,6 +111,12 @@ class SlicePoses:
             np.concatenate([part.v_m_s for part in parts]),
             np.concatenate([part.usable for part in parts]),
         )
+
+    def seen_from(self, others: SlicePoses, which: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Each as one of the others sees it, which (S,): R (S, 3, 3), p (S, 3)."""
+        R, p = np.empty((len(which), 3, 3)), np.empty((len(which), 3))
+        seen_from_kernel(self.R, self.p, others.R, others.p, which, R, p)
+        return R, p
 
 
 @dataclass(frozen=True, slots=True)

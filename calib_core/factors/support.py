@@ -8,6 +8,8 @@ outline, no cell that reaches over it belongs to the plane, whatever was seen th
 
 from __future__ import annotations
 
+import math
+import mmap
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -108,9 +110,9 @@ class ExtentSurvey:
         nothing = np.tile([2 * HALF_CELLS, 2 * HALF_CELLS, -1, -1], (len(normals), 1))
         return ExtentSurvey(
             normals,
-            np.zeros(shape, np.int32),
-            np.zeros(shape, np.int32),
-            np.zeros(shape, np.float32),
+            _untouched(shape).view(np.int32),
+            _untouched(shape).view(np.int32),
+            _untouched(shape).view(np.float32),
             nothing,
             return_std,
         )
@@ -145,6 +147,15 @@ class ExtentSurvey:
         inside[:, [0, -1], :] = False
         inside[:, :, [0, -1]] = False
         return PlaneExtents(self.normals, inside)
+
+
+def _untouched(shape: tuple[int, ...]) -> NDArray[np.uint32]:
+    """Zeros, of which the system makes what somebody touches: a plane fills a small part of its grid.
+
+    What NumPy asks for would be wiped from end to end where the process keeps memory that was let go.
+    """
+    count = math.prod(shape)
+    return np.frombuffer(mmap.mmap(-1, max(1, 4 * count)), np.uint32, count).reshape(shape)
 
 
 def _off_the_others(off: Float32Array, on: IntArray, flat: BoolArray, return_std: float) -> BoolArray:

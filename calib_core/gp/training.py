@@ -13,8 +13,9 @@ not a descent: the likelihood of a short window has several optima, and the best
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -26,6 +27,9 @@ from calib_core.types import FloatArray
 _LENGTH_STEP = 1.5
 _RATIO_STEP = 2.0
 _REFINEMENT = 3
+
+#: Eigenvalues (B, W) and eigenvectors (B, W, W) of windows' correlations at a length scale [s].
+_Spectra = Callable[[float], tuple[FloatArray, FloatArray]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +60,8 @@ def fit_hyper(
     pick = first[:, None] + np.arange(size)
     stamps, readings = stamps_s[pick], values[pick]
     lengths, ratios = _coarse_grid(stamps)
-    coarse = _evaluate(stamps, readings, lengths, ratios, noise_std, smoothness, pooled=True)
+    spectra = _spectra_of(stamps, smoothness)
+    coarse = _evaluate(spectra, readings, lengths, ratios, noise_std, pooled=True)
     step = np.arange(-_REFINEMENT, _REFINEMENT + 1) / _REFINEMENT
     channels = []
     for c in range(values.shape[1]):
@@ -64,7 +69,7 @@ def fit_hyper(
         near_lengths = lengths[at_length] * _LENGTH_STEP**step
         near_ratios = np.maximum(ratios[at_ratio] * _RATIO_STEP**step, NOISE_FLOOR)
         known = None if noise_std is None else noise_std[c : c + 1]
-        fine = _evaluate(stamps, readings[..., c : c + 1], near_lengths, near_ratios, known, smoothness, pooled=True)
+        fine = _evaluate(spectra, readings[..., c : c + 1], near_lengths, near_ratios, known, pooled=True)
         channels.append(_best(fine, near_lengths, near_ratios, smoothness))
     pooled = _concatenate(channels, axis=1)
     return Hyper(pooled.length_scale_s[0], pooled.signal_std[0], pooled.noise_std[0], smoothness)
@@ -79,7 +84,8 @@ def train_windows(stamps_s: FloatArray, values: FloatArray, *, smoothness: Smoot
     parts = []
     for low in range(0, stamps_s.shape[0], 64):
         part = slice(low, low + 64)
-        evaluated = _evaluate(stamps_s[part], values[part], lengths, ratios, None, smoothness, pooled=False)
+        spectra = _spectra_of(stamps_s[part], smoothness)
+        evaluated = _evaluate(spectra, values[part], lengths, ratios, None, pooled=False)
         parts.append(_best(evaluated, lengths, ratios, smoothness))
     return _concatenate(parts, axis=0)
 
@@ -105,25 +111,35 @@ def _coarse_grid(stamps_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     return lengths, ratios
 
 
+def _spectra_of(stamps_s: FloatArray, smoothness: Smoothness) -> _Spectra:
+    """Of windows stamped so, (B, W). Each length scale is taken apart once: channels mostly ask for the same few."""
+    distance = np.abs(stamps_s[:, :, None] - stamps_s[:, None, :])
+    rho = correlation(smoothness)
+
+    @cache
+    def at(length_s: float) -> tuple[FloatArray, FloatArray]:
+        d, u = np.linalg.eigh(rho(distance / length_s))
+        return d, u
+
+    return at
+
+
 def _evaluate(
-    stamps_s: FloatArray,
+    spectra: _Spectra,
     values: FloatArray,
     lengths_s: FloatArray,
     ratios: FloatArray,
     noise_std: FloatArray | None,
-    smoothness: Smoothness,
     *,
     pooled: bool,
 ) -> _Evaluation:
-    """The likelihood on the grid. stamps_s: (B, W), values: (B, W, C), noise_std: (C,). Pools: one, or each window."""
+    """The likelihood on the grid. values: (B, W, C), noise_std: (C,). Pools: one, or each window."""
     n_windows, size, n_channels = values.shape
     n_pools = 1 if pooled else n_windows
     cost = np.empty((n_pools, n_channels, lengths_s.size, ratios.size))
     signal_var = np.empty_like(cost)
-    distance = np.abs(stamps_s[:, :, None] - stamps_s[:, None, :])
-    rho = correlation(smoothness)
     for i, length in enumerate(lengths_s):
-        d, u = np.linalg.eigh(rho(distance / length))
+        d, u = spectra(length)
         spectrum = np.maximum(d, 0.0)[:, None, :] + ratios[:, None]  # (B, R, W)
         one = np.sum(u, axis=1)  # U' 1, (B, W)
         z = np.einsum("bwj,bwc->bcj", u, values)

@@ -159,7 +159,8 @@ def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple
     """
     w, f = readings.gyro.mean(axis=1), readings.accel.mean(axis=1)
     links = len(w)
-    gyro, accel = np.zeros((links, 3, COLUMNS)), np.zeros((links, 3, COLUMNS))
+    # Column after column in memory: each is written, and picked, by itself.
+    gyro, accel = (np.zeros((COLUMNS, links, 3)).transpose(1, 2, 0) for _ in range(2))
     turn = exp(intrinsics.gyro_rotation)
     G, A = np.linalg.inv(intrinsics.gyro), np.linalg.inv(intrinsics.accel)
     turned = w @ turn.T

@@ -28,6 +28,7 @@ from calib_core.full.assess.kernels import (
     add_influences_kernel,
     add_own_influences_kernel,
     laser_influences_kernel,
+    sum_by_kernel,
 )
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
@@ -61,9 +62,8 @@ class Influences:
     def summed(self, cluster: IntArray, count: int) -> Influences:
         """By cluster: (F,) numbers below `count`, negative for none."""
         out = Influences.none(count, self.moved.shape[1], alone=self.allowed.ndim == self.moved.ndim)
-        mine = cluster >= 0
-        np.add.at(out.moved, cluster[mine], self.moved[mine])
-        np.add.at(out.allowed, cluster[mine], self.allowed[mine])
+        for own, total in ((self.moved, out.moved), (self.allowed, out.allowed)):
+            sum_by_kernel(own.reshape(len(cluster), -1), cluster, total.reshape(count, -1))
         return out
 
 

@@ -12,6 +12,16 @@ from calib_core.types import Float32Array, FloatArray, IntArray
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
+def sum_by_kernel(values: FloatArray, cluster: IntArray, total: FloatArray) -> None:
+    """Adds each row of values (F, M) to that of its cluster (F,) in total (.., M), in their order; none where it is negative."""
+    for i in range(cluster.shape[0]):
+        k = cluster[i]
+        if k >= 0:
+            for c in range(values.shape[1]):
+                total[k, c] += values[i, c]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_influences_kernel(
     bins: IntArray,
     laser: IntArray,

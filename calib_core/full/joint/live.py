@@ -12,7 +12,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_residuals
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION, Estimate
-from calib_core.full.run import Run
+from calib_core.full.run import Clocks, Run
 from calib_core.geometry import euler_xyz_deg, transform_matrix
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.solver.information import covariance_of
@@ -21,7 +21,7 @@ from calib_core.types import FloatArray, Scan
 
 def sweep_motions(
     scans: Sequence[Scan],
-    epoch_ns: int,
+    clocks: Clocks,
     motion: Motion,
     *,
     time_offset_s: float,
@@ -33,13 +33,13 @@ def sweep_motions(
 
     places = np.unique(np.linspace(0, len(scans) - 1, WATCHING.sweeps).astype(np.int64))
     told = []
-    for scan in (scans[int(place)] for place in places):
-        if len(scan.points) == 0:
+    for place in places.tolist():
+        if clocks.scan_points[place] == 0:
             continue
         # A flash is of one instant, through which nothing can be interpolated.
-        end_s = max(float(scan.points["offset_ns"].max()) * 1e-9, WATCHING.shortest_s)
+        scan, end_s = scans[place], max(float(clocks.sweep_s[place]), WATCHING.shortest_s)
         offset_s = np.linspace(0.0, end_s, WATCHING.instants)
-        when_s = (scan.stamp_ns - epoch_ns) * 1e-9 + offset_s - time_offset_s
+        when_s = (scan.stamp_ns - clocks.lidar_epoch_ns) * 1e-9 + offset_s - time_offset_s
         poses = motion.lidar_at(when_s, R_imu_lidar, p_imu_lidar)
         if not poses.usable.all():
             continue
@@ -87,7 +87,7 @@ def iteration_event(
         ],
         sweeps=sweep_motions(
             run.recording.scans,
-            run.clocks.lidar_epoch_ns,
+            run.clocks,
             problem.motion(estimate),
             time_offset_s=estimate.time_offset_s,
             R_imu_lidar=estimate.R_imu_lidar,

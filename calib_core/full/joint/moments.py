@@ -99,9 +99,7 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     knot = motion.nearest_knot(imu_s if micro.lasers is None else time_s - micro.time_offset_s)
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    Rk_t = np.swapaxes(knots.R[knot], 1, 2)
-    R = Rk_t @ poses.R
-    p = (Rk_t @ (poses.p - knots.p[knot])[..., None])[..., 0]
+    R, p = poses.seen_from(knots, knot)
     use = np.flatnonzero(poses.usable[of_slice])
     of_slice = of_slice[use]
     n_planes = len(estimate.normals)
@@ -153,7 +151,7 @@ def gather_lasers(
     knot = motion.nearest_knot(time_s - time_offset_s)
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    back = np.swapaxes(knots.R[knot], 1, 2)
+    R, p = poses.seen_from(knots, knot)
     use = np.flatnonzero(poses.usable[of_group])
     if len(use) == 0:
         return LaserFactors.empty()
@@ -164,8 +162,8 @@ def gather_lasers(
     keys, cross, of = move_and_sum_features(
         sums,
         use,
-        back @ poses.R,
-        (back @ (poses.p - knots.p[knot])[..., None])[..., 0],
+        R,
+        p,
         of_group,
         (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use],
     )

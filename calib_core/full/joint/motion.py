@@ -16,7 +16,6 @@ import numpy as np
 from calib_core.factors.imu import KnotStates
 from calib_core.factors.lidar_plane import SlicePoses
 from calib_core.full.joint.settings import CHAIN
-from calib_core.geometry import cross
 from calib_core.geometry.compiled import exp_into, multiply_into, turn_into
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.types import BoolArray, FloatArray, IntArray
@@ -64,16 +63,13 @@ class Motion:
 
     def lidar_at(self, imu_s: FloatArray, R_imu_lidar: FloatArray, p_imu_lidar: FloatArray) -> SlicePoses:
         """The lidar's poses and body rates at instants of the IMU's clock."""
-        imu = self.at(imu_s)
-        R = imu.R @ R_imu_lidar
-        swing = cross(imu.omega_rad_s, p_imu_lidar) @ R_imu_lidar
-        return SlicePoses(
-            R=R,
-            p=imu.p + imu.R @ p_imu_lidar,
-            omega_rad_s=imu.omega_rad_s @ R_imu_lidar,
-            v_m_s=(imu.v[:, None] @ R)[:, 0] + swing,
-            usable=imu.usable,
-        )
+        imu, n = self.at(imu_s), len(imu_s)
+        lidar = SlicePoses(np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), imu.usable)
+        _on_the_imu(
+            imu.R, imu.p, imu.v, imu.omega_rad_s, R_imu_lidar, p_imu_lidar,
+            lidar.R, lidar.p, lidar.omega_rad_s, lidar.v_m_s,
+        )  # fmt: skip
+        return lidar
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -131,3 +127,35 @@ def _between_knots(
                     v[i, c] = knots_v[k, c] + t * (force[c] + gravity[c])
         known = (k > 0 and linked[k - 1]) if t < 0.0 else (k < last and linked[k])
         usable[i] = known and abs(t) < reach_knots * h
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _on_the_imu(
+    imu_R: FloatArray,
+    imu_p: FloatArray,
+    imu_v: FloatArray,
+    imu_omega: FloatArray,
+    R_imu_lidar: FloatArray,
+    p_imu_lidar: FloatArray,
+    R: FloatArray,
+    p: FloatArray,
+    omega: FloatArray,
+    v: FloatArray,
+) -> None:
+    """Fills R (N, 3, 3), p, omega and v (N, 3) of the lidar, the last two in its own axes, from the IMU's as `ImuPoses` has them.
+
+    Its velocity is the IMU's and the swing of the lever arm.
+    """
+    arm, swing = p_imu_lidar, np.empty(3)
+    for i in range(len(imu_R)):
+        multiply_into(imu_R[i], R_imu_lidar, R[i])
+        w = imu_omega[i]
+        swing[0] = w[1] * arm[2] - w[2] * arm[1]
+        swing[1] = w[2] * arm[0] - w[0] * arm[2]
+        swing[2] = w[0] * arm[1] - w[1] * arm[0]
+        for c in range(3):
+            p[i, c], omega[i, c], v[i, c] = imu_p[i, c], 0.0, 0.0
+            for a in range(3):
+                p[i, c] += imu_R[i, c, a] * arm[a]
+                omega[i, c] += w[a] * R_imu_lidar[a, c]
+                v[i, c] += imu_v[i, a] * R[i, a, c] + swing[a] * R_imu_lidar[a, c]

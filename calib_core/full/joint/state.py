@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
+import numba
 import numpy as np
 
 from calib_core.factors.imu import KnotStates
@@ -61,8 +62,9 @@ class BiasNodes:
         """Bias of every link. values: (N, 3) at the nodes. Returns (L, 3)."""
         if len(self.times_s) == 1:
             return np.repeat(values, len(self.node), axis=0)
-        f = self.fraction[:, None]
-        return (1 - f) * values[self.node] + f * values[self.node + 1]
+        out = np.empty((len(self.node), values.shape[1]))
+        _between_nodes(np.ascontiguousarray(values), self.node, self.fraction, out)
+        return out
 
     def from_links(self, values: FloatArray) -> FloatArray:
         """(N, 3) what links (L, 3) pull the nodes by that they have their biases of: the transpose of `at_links`."""
@@ -77,6 +79,15 @@ class BiasNodes:
         """Bias at every knot, (L + 1, 3)."""
         links = self.at_links(values)
         return np.vstack([links[:1], 0.5 * (links[1:] + links[:-1]), links[-1:]])
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _between_nodes(values: FloatArray, node: IntArray, fraction: FloatArray, out: FloatArray) -> None:
+    """Fills out (L, C) with values (N, C) between each link's node (L,) and the next, by its fraction (L,) of the way."""
+    for i in range(node.shape[0]):
+        k, f = node[i], fraction[i]
+        for c in range(values.shape[1]):
+            out[i, c] = (1 - f) * values[k, c] + f * values[k + 1, c]
 
 
 @dataclass(frozen=True)

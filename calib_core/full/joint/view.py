@@ -83,21 +83,23 @@ class View:
         missing = [i for i in positions if i not in self.poses]
         if not missing:
             return
-        counts = [self._slices(i) for i in missing]
-        centres = np.concatenate([self._centres(i, n) for i, n in zip(missing, counts, strict=True)])
+        counts, centres = self._centres(missing)
         every = self.motion.lidar_at(centres - e.time_offset_s, e.R_imu_lidar, e.p_imu_lidar)
-        for i, end, n in zip(missing, np.cumsum(counts), counts, strict=True):
+        for i, end, n in zip(missing, np.cumsum(counts).tolist(), counts.tolist(), strict=True):
             own = slice(end - n, end)
             self.poses[i] = SlicePoses(
                 every.R[own], every.p[own], every.omega_rad_s[own], every.v_m_s[own], every.usable[own]
             )
 
-    def _slices(self, position: int) -> int:
-        """As many slices as the scan's last point needs, and one to spare for rounding."""
-        return int(self.clocks.sweep_s[position] / SLICE_S) + 2
+    def _slices(self, positions: Sequence[int]) -> IntArray:
+        """As many slices as each scan's last point needs, and one to spare for rounding."""
+        return (self.clocks.sweep_s[list(positions)] / SLICE_S).astype(np.int64) + 2
 
-    def _centres(self, position: int, slices: int) -> FloatArray:
-        return np.asarray(self.clocks.scan_s[position] + (np.arange(slices) + 0.5) * SLICE_S)
+    def _centres(self, positions: Sequence[int]) -> tuple[IntArray, FloatArray]:
+        """How many slices each scan has, and the centres of those of all in a row, lidar clock."""
+        counts = self._slices(positions)
+        within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        return counts, np.repeat(self.clocks.scan_s[list(positions)], counts) + (within + 0.5) * SLICE_S
 
     def hits(self, positions: Sequence[int], gate: Gate, stride: int = 1) -> Hits:
         """Where the points of scans meet the planes, point by point; slices are counted through all of them."""
@@ -167,8 +169,7 @@ class View:
 
     def _laser_groups(self, positions: Sequence[int], lasers: int, *, first_only: bool = False) -> LaserGroups:
         """Slices go together that go to one knot, as they do when they are gathered."""
-        counts = [self._slices(i) for i in positions]
-        centre_s = np.concatenate([self._centres(i, n) for i, n in zip(positions, counts, strict=True)])
+        counts, centre_s = self._centres(positions)
         knot = self.motion.nearest_knot(centre_s - self.estimate.time_offset_s)
         begins = np.concatenate([[True], np.diff(knot) != 0])
         begins[np.cumsum(counts)[:-1]] = True
@@ -237,7 +238,7 @@ class View:
 
     def most_as_one(self, positions: Sequence[int]) -> int:
         """How many of the scans may be taken as one: their times have room for two seconds, and lasers' moments take memory."""
-        longest_s = max((self._slices(i) for i in positions), default=1) * SLICE_S
+        longest_s = int(self._slices(positions).max(initial=1)) * SLICE_S
         most = int(np.iinfo(POINT_DTYPE["offset_ns"]).max * 1e-9 / longest_s)
         lasers = max(self.nuisance.lasers, 1) if self._lidar_in_play() else self.apart
         if lasers:
@@ -251,7 +252,8 @@ class View:
 
     def _first_slices(self, positions: Sequence[int]) -> IntArray:
         """Where each scan's slices begin when those of all are in a row."""
-        return np.cumsum([0, *(self._slices(i) for i in positions[:-1])])
+        counts = self._slices(positions)
+        return np.cumsum(counts) - counts
 
     def micro(self, positions: Sequence[int], bins: MicroBins) -> Micro:
         """Bins of scans whose slices are in a row, each with its time and scan."""

@@ -300,3 +300,16 @@ def test_distinct_keys_are_numpy_s(kind: str) -> None:
     expected, of = np.unique(key, return_inverse=True)
     np.testing.assert_array_equal(keys, expected)
     np.testing.assert_array_equal(place, of)
+
+
+def test_poses_are_seen_from_others() -> None:
+    """Oracle: a point carried to the map and back. Mutations: the other pose not transposed; its place not taken away."""
+    rng = np.random.default_rng(7)
+    R, p, point = Rotation.random(6, random_state=7).as_matrix(), rng.normal(size=(6, 3)), rng.normal(size=3)
+    none, usable = np.zeros((4, 3)), np.ones(4, bool)
+    seen, others = SlicePoses(R[:4], p[:4], none, none, usable), SlicePoses(R[4:], p[4:], none, none, usable)
+    which = np.array([1, 0, 0, 1])
+    from_R, from_p = seen.seen_from(others, which)
+    for i, k in enumerate(which):
+        there = others.R[k].T @ (seen.R[i] @ point + seen.p[i] - others.p[k])
+        np.testing.assert_allclose(from_R[i] @ point + from_p[i], there, atol=1e-14)

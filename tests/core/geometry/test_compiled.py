@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.geometry import right_jacobian, right_jacobian_inverse
-from calib_core.geometry.compiled import log_into, right_jacobian_into, right_jacobian_inverse_into
+from calib_core.geometry.compiled import exp_into, log_into, right_jacobian_into, right_jacobian_inverse_into
 from calib_core.types import FloatArray
 
 ANGLES = [0.0, 1e-12, 1e-9, 1e-4, 0.1, 0.2499, 0.2501, 1.0, 2.0, 2.5, 3.0, np.pi - 1e-6, np.pi - 1e-9]
@@ -17,6 +17,18 @@ def _axes() -> FloatArray:
     """Along each axis, either way, and askew: every component is the largest of some."""
     some = np.vstack([np.eye(3), -np.eye(3), np.random.default_rng(1).normal(size=(20, 3))])
     return some / np.linalg.norm(some, axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("angle", [*ANGLES, 0.01, 0.0499999, 0.0500001])
+def test_a_rotation_has_all_its_digits_at_every_angle(angle: float) -> None:
+    """Mutations: the last term of either series left out; that of the cosine begun with 1 / 20; the series taken up to 1 rad."""
+    R, turn = np.empty((3, 3)), np.empty((3, 3))
+    for axis in _axes():
+        exp_into(*(angle * axis), R)
+        # I + sin hat + (1 - cos) hat^2, with 1 - cos as a square, which keeps the digits of small ones.
+        hat = np.cross(axis, -np.eye(3))
+        turn[:] = np.sin(angle) * hat + 2.0 * np.sin(0.5 * angle) ** 2 * hat @ hat
+        np.testing.assert_allclose(R - np.eye(3), turn, atol=4e-16 if angle < 0.1 else 2e-15, rtol=0.0)
 
 
 @pytest.mark.parametrize("angle", ANGLES)

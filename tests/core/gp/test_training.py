@@ -65,3 +65,17 @@ def test_a_channel_that_never_changes():
     for each in (hyper.length_scale_s, hyper.signal_std, hyper.noise_std):
         assert np.all(np.isfinite(each))
         assert np.all(each > 0.0)
+
+
+def test_a_length_scale_is_taken_apart_once_for_all_channels(monkeypatch):
+    """Oracle: eigendecompositions counted; three channels that are alike take as many as one. Mutation: without the cache."""
+    stamps, y = draws(1, 200, length=0.1, signal=1.0, noise=0.1, seed=5)
+    taken = []
+    eigh = np.linalg.eigh
+    monkeypatch.setattr(np.linalg, "eigh", lambda matrices: taken.append(1) or eigh(matrices))
+    counts = []
+    for channels in (1, 3):
+        taken.clear()
+        fit_hyper(stamps[0], np.repeat(y.T, channels, axis=1))
+        counts.append(len(taken))
+    assert counts[0] == counts[1] > 0

@@ -334,3 +334,16 @@ def test_considered_parameters_widen_by_what_they_would_move() -> None:
     np.testing.assert_allclose((found.value - estimate.sensors.values) / prior_std, step, atol=1e-9)
     assert np.abs(step).max() < 0.05
     np.testing.assert_allclose(found.std, np.sqrt(np.diag(covariance(whole).matrix))[own], rtol=1e-6)
+
+
+@pytest.mark.parametrize("alone", [False, True])
+def test_influences_are_summed_cluster_by_cluster(alone: bool) -> None:
+    """Oracle: each cluster's members picked out and added up. Mutation: those of no cluster added to the last one."""
+    rng = np.random.default_rng(4)
+    moved, allowed = rng.normal(size=(50, 7)), rng.normal(size=(50, 7) if alone else (50, 7, 7))
+    cluster = rng.integers(-1, 4, size=50)
+    found = Influences(moved, allowed).summed(cluster, 5)
+    assert (cluster < 0).any()
+    for k in range(5):
+        np.testing.assert_allclose(found.moved[k], moved[cluster == k].sum(axis=0), atol=1e-12)
+        np.testing.assert_allclose(found.allowed[k], allowed[cluster == k].sum(axis=0), atol=1e-12)
