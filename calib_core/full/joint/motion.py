@@ -113,7 +113,7 @@ def _between_knots(
     """
     last = len(knots_s) - 1
     # Half a spacing is then one substep of a link, with two Gauss points. Rarer readings make more, and tell nothing fast.
-    halves = between.shape[1] == 4
+    halves = between.shape[1] // 2 == 2
     near_s, far_s = 0.5 * h * _NEAR, 0.5 * h * _FAR
     turn = np.empty((3, 3))
     w, w1, w2 = np.empty(3), np.empty(3), np.empty(3)
