@@ -46,6 +46,9 @@ class Wording:
     #: derived: a parameter of a sensor this many of its sigmas from that of an ideal one, one in 370 of a normal law, is
     #: said to be off. Words alone depend on it.
     off_sigmas: float = 3.0
+    #: judged: of a weak answer from less than this share of the scans it is said what the others lacked, and not how to turn. The
+    #: advice alone depends on it.
+    most_scans: float = 0.5
     #: judged: what the sensors' own errors cost is said where some error bar is half as wide again for them, of all that are a
     #: twentieth wider; what one kind of them that was not estimated could do, where a bar is a twentieth wider for it. Words
     #: alone depend on it.

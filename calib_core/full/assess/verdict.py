@@ -88,6 +88,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
     turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))
     planes, weak = plane_qualities(solved), weak_directions(knowledge)
     total = sum(plane.points for plane in planes)
+    scans = len(np.unique(solved.observations.scan)), len(run.recording.scans)
     return Answer(
         R_imu_lidar=e.R_imu_lidar,
         p_imu_lidar=e.p_imu_lidar,
@@ -100,11 +101,11 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         is_weak=knowledge.is_weak or trust.is_torn or any(each.bends for each in trust.contradicted),
         weak_axes=knowledge.weak_axes,
         weak_directions=weak,
-        advice=tuple(said.text for said in advice(knowledge, turning_std_rad_s, e.R_imu_lidar)),
+        advice=tuple(said.text for said in advice(knowledge, turning_std_rad_s, e.R_imu_lidar, scans)),
         rms_m=float(np.sqrt(sum(p.rms_m**2 * p.points for p in planes) / max(total, 1))),
         points_used=total,
-        scans_used=len(np.unique(solved.observations.scan)),
-        scans_total=len(run.recording.scans),
+        scans_used=scans[0],
+        scans_total=scans[1],
         planes=planes,
         iterations=solved.iterations,
         trajectory=trajectory_of(run.clocks, solved),

@@ -84,13 +84,26 @@ class Advice:
     about: tuple[int, ...]
 
 
-def advice(knowledge: Knowledge, turning_std_rad_s: FloatArray, R_imu_lidar: FloatArray) -> list[Advice]:
+def advice(
+    knowledge: Knowledge,
+    turning_std_rad_s: FloatArray,
+    R_imu_lidar: FloatArray,
+    scans: tuple[int, int] | None = None,
+) -> list[Advice]:
     """What to record next, from the weak parameters and from how much the IMU turned about each of its axes.
 
-    turning_std_rad_s: (3,) rms angular rate about the IMU's axes.
+    turning_std_rad_s: (3,) rms angular rate about the IMU's axes.   scans: how many count, and how many there are; None where
+    that is not known yet. Where most of them do not, more turning is no remedy, and may be what lost the planes.
     """
     weak = knowledge.weak_axes
     axes = "xyz"
+    if weak and scans is not None and scans[0] < WORDING.most_scans * scans[1]:
+        about = tuple(i for i, axis in enumerate(COVARIANCE_ORDER) if axis in weak)
+        text = (
+            f"Only {scans[0]} of {scans[1]} scans count: in the others the planes told too little of where the lidar was. Keep "
+            "three that face different ways in view, some metres away."
+        )
+        return [Advice(text, about)]
     # By the axis to turn about: what one turning makes known is said once.
     arms: dict[int, list[int]] = {}
     for i in range(3):

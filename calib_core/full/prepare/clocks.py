@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
-from calib_core.full.prepare.settings import SWEEPS
+from calib_core.full.prepare.settings import LASERS, SWEEPS
 from calib_core.full.run import Clocks
 from calib_core.threads import workers
 from calib_core.types import ComplexArray, FloatArray, IntArray, PointArray, Recording
@@ -43,49 +42,94 @@ def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
         for first in range(0, len(scans), SWEEPS.scans_at_once)
     ]
     looks = list(workers().map(lambda places: _look_at([scans[k].points for k in places], period_s), some))
-    sweeps, counts, facing, farthest, nearest = zip(*looks, strict=True)
+    sweeps, counts, turned_back, farthest, nearest = zip(*looks, strict=True)
     return FirstLook(
         stamps,
         np.concatenate(sweeps),
         np.concatenate(counts),
         period_s,
-        np.concatenate(facing, axis=1),
+        _facing(turned_back),
         max(farthest),
         min(nearest),
     )
 
 
 def _look_at(clouds: Sequence[PointArray], period_s: float) -> tuple[FloatArray, IntArray, ComplexArray, float, float]:
-    """Of some scans their sweeps, points, facing (2, M), the longest and the shortest range."""
+    """Of some scans their sweeps, points, turned directions (2, M, L), the longest and the shortest range."""
     counts = np.array([len(points) for points in clouds], dtype=np.int64)
     sweep_s = np.array([int(points["offset_ns"].max()) * 1e-9 if len(points) else 0.0 for points in clouds])
-    samples = [points[:: max(1, len(points) // SWEEPS.sampled_points)] for points in clouds]
+    samples = [points[sampled(len(points))] for points in clouds]
     every, sizes = np.concatenate(samples), [len(sample) for sample in samples]
     range_m = np.linalg.norm(every["xyz"], axis=1)
     farthest_m, nearest_m = float(np.fmax.reduce(range_m, initial=0.0)), float(np.fmin.reduce(range_m, initial=np.inf))
-    return sweep_s, counts, _facing(every, sizes, sweep_s, period_s), farthest_m, nearest_m
+    return sweep_s, counts, _turned_back(every, sizes, sweep_s, period_s), farthest_m, nearest_m
 
 
-def _facing(points: PointArray, sizes: Sequence[int], sweep_s: FloatArray, period_s: float) -> ComplexArray:
-    """(2, M) means of the directions of some of each sweep's points, turned back to the middle of the sweep either way.
+def sampled(count: int) -> IntArray:
+    """Which of a scan's points are looked at: one drawn of each of as many stretches alike, or all where they are few.
 
+    Every so many-th point would keep step with the lasers, which fire in turn: with all of those that look to one side, and
+    after one point that is lost with all of those that look to the other.
+    """
+    if count <= SWEEPS.sampled_points:
+        return np.arange(count)
+    begin = np.arange(SWEEPS.sampled_points + 1) * count // SWEEPS.sampled_points
+    drawn = np.random.default_rng(0).random(SWEEPS.sampled_points)
+    return np.asarray(begin[:-1] + np.floor(drawn * np.diff(begin)), dtype=np.int64)
+
+
+def _turned_back(points: PointArray, sizes: Sequence[int], sweep_s: FloatArray, period_s: float) -> ComplexArray:
+    """(2, M, L) sums, laser by laser, of directions of some of each sweep's points, turned back to its middle either way.
+
+    As parts of all of a sweep's directions: of one sense of turning and one sweep they add up to their mean.
     points: of all sweeps, one after the other.   sizes: how many of each.   sweep_s: (M,).
     """
-    out = np.zeros((2, len(sizes)), dtype=np.complex128)
+    lasers = min(int(points["ring"].max(initial=0)) + 1, LASERS.most)
+    out = np.zeros((2, len(sizes), lasers), dtype=np.complex128)
     if period_s <= 0.0:
         return out
     x, y = points["xyz"][:, 0].astype(np.float64), points["xyz"][:, 1].astype(np.float64)
     away = np.hypot(x, y)
     seen = away > 0.0
     direction = (x[seen] + 1j * y[seen]) / away[seen]
-    middle_s = np.repeat(0.5 * sweep_s, sizes)[seen]
-    turn = np.exp(2j * np.pi / period_s * (points["offset_ns"][seen] * 1e-9 - middle_s))
-    ends = np.concatenate([[0], np.cumsum(seen)])[np.cumsum(sizes)]
-    for k, (first, end) in enumerate(pairwise([0, *ends.tolist()])):
-        if end > first:
-            one, by = direction[first:end], turn[first:end]
-            out[:, k] = np.mean(one * by.conj()), np.mean(one * by)
+    sweep = np.repeat(np.arange(len(sizes)), sizes)[seen]
+    turn = np.exp(2j * np.pi / period_s * (points["offset_ns"][seen] * 1e-9 - 0.5 * sweep_s[sweep]))
+    place = sweep * lasers + np.minimum(points["ring"][seen], lasers - 1)
+    total = np.maximum(np.bincount(sweep, minlength=len(sizes)), 1)[:, None]
+    for way, back in enumerate((direction * turn.conj(), direction * turn)):
+        of = [np.bincount(place, part, len(sizes) * lasers).reshape(-1, lasers) for part in (back.real, back.imag)]
+        out[way] = (of[0] + 1j * of[1]) / total
     return out
+
+
+def _facing(turned_back: Sequence[ComplexArray]) -> ComplexArray:
+    """(2, M) means of the directions of each sweep's points, each laser's turned by how far it looks aside of the others.
+
+    turned_back: (2, .., L) of stretches of scans, one after the other. A laser's azimuth is its own, by up to 9 deg, and which
+    lasers return anything changes from scan to scan: the mean over all of them would wander by milliseconds of a rotor's turn.
+    """
+    lasers = max(part.shape[2] for part in turned_back)
+    wide = [np.pad(part, ((0, 0), (0, 0), (0, lasers - part.shape[2]))) for part in turned_back]
+    out = []
+    for sums in np.concatenate(wide, axis=1):
+        aside = np.ones(lasers, dtype=np.complex128)
+        for _ in range(SWEEPS.passes):
+            aside = _unit(np.einsum("ml,m->l", sums, _unit(_summed(sums, aside)).conj()))
+        out.append(_summed(sums, aside))
+    return np.array(out)
+
+
+def _summed(sums: ComplexArray, aside: ComplexArray) -> ComplexArray:
+    """(M,) of (M, L), each laser's turned back by where it looks. Not by BLAS, whose threads would wait for one another."""
+    return np.asarray(np.einsum("ml,l->m", sums, aside.conj()), dtype=np.complex128)
+
+
+def _unit(directions: ComplexArray) -> ComplexArray:
+    """Of length 1; 1 where there is none."""
+    length = np.abs(directions)
+    return np.asarray(
+        np.where(length > 0.0, directions / np.where(length > 0.0, length, 1.0), 1.0), dtype=np.complex128
+    )
 
 
 def clocks_of(recording: Recording, seen: FirstLook) -> Clocks:

@@ -127,9 +127,12 @@ class Stamps:
 class Sweeps:
     """Whose sweeps are turns of a rotor, and when their stamps are not those of it."""
 
-    #: derived: beams that look 3 deg to either side leave the direction of so many points sure to 3 / sqrt(1000) = 0.1 deg,
-    #: 30 microseconds of a tenth of a second.
+    #: derived: beams that look 3 deg to either side, of which no point says which it is of, leave the direction of so many points
+    #: sure to 3 / sqrt(1000) = 0.1 deg, 30 microseconds of a tenth of a second.
     sampled_points: int = 1000
+    #: measured: where a quarter of the lasers, all of one side, come and go, what their looking aside leaves of a sweep's
+    #: direction falls to a third with each pass. Of 9 deg, 2.5 ms of a tenth of a second, so many leave less than a microsecond.
+    passes: int = 10
     #: data sheets: lidars for rigs are blind to what is nearer than 0.05 to 1 m (Avia, VLP-16). Where all returns are from beyond
     #: this, nothing was nearer.
     blind_m: float = 1.1

@@ -311,6 +311,22 @@ def test_advice_names_the_axis_to_turn_about() -> None:
     assert ("time offset" in offset.text, offset.about) == (True, (6,))
 
 
+def test_where_most_scans_do_not_count_no_turning_is_advised() -> None:
+    """Seen: 7 scans of 249 counted, as a wall filled the view, and more turning was asked for of a rig that turned at 80 deg/s.
+
+    Mutations: said where nothing is weak; where half of the scans count; beside the turning; of all seven.
+    """
+    turning, weak = np.array([1.2, 1.2, 1.4]), _assess(_all(GOOD, tz=np.inf, rx=3.0))
+    (said,) = advice(weak, turning, np.eye(3), (7, 249))
+    assert said.about == (0, 5)
+    assert "Only 7 of 249 scans count" in said.text
+    assert "three that face different ways" in said.text
+    assert "turn" not in said.text
+    assert advice(_assess(_all(GOOD)), turning, np.eye(3), (7, 249)) == []
+    for enough in ((125, 250), None):
+        assert advice(weak, turning, np.eye(3), enough) == advice(weak, turning, np.eye(3))
+
+
 def test_what_is_weak_is_so_in_tables_and_in_advice() -> None:
     """One open direction, of which a tenth lies along the IMU's x: its table is a metre wide there too. Seen: a table named three
     axes and the advice two of them.

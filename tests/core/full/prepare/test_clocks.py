@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.full.prepare.clocks import look
+from calib_core.full.prepare.clocks import look, sampled
 from calib_core.types import POINT_DTYPE, ComplexArray, ImuData, LidarInfo, PointArray, Recording, Scan
 
 PERIOD_S = 0.1
@@ -28,7 +28,7 @@ def _recording(sizes: list[int]) -> Recording:
 
 def _facing(points: PointArray) -> ComplexArray:
     """The twin, of one scan."""
-    sample = points[:: max(1, len(points) // 1000)].astype(POINT_DTYPE)
+    sample = points[sampled(len(points))].astype(POINT_DTYPE)
     x, y = sample["xyz"][:, :2].astype(np.float64).T
     seen = np.hypot(x, y) > 0.0
     if not seen.any():
@@ -53,6 +53,23 @@ def test_every_scan_is_looked_at_as_by_itself(count: int) -> None:
     assert seen.stamps_ns.tolist() == [scan.stamp_ns for scan in recording.scans]
     expected = np.array([_facing(scan.points) for scan in recording.scans]).T
     np.testing.assert_allclose(seen.facing, expected, atol=1e-12)
-    samples = [points[:: max(1, len(points) // 1000)]["xyz"] for points in (scan.points for scan in recording.scans)]
+    samples = [scan.points[sampled(len(scan.points))]["xyz"] for scan in recording.scans]
     ranges_m = np.linalg.norm(np.concatenate(samples), axis=1)
     assert (seen.nearest_m, seen.farthest_m) == pytest.approx((ranges_m.min(), ranges_m.max()), rel=1e-6)
+
+
+@pytest.mark.parametrize("count", [0, 1, 999, 1000, 1001, 2500, 38_400])
+def test_a_scans_sample_keeps_no_step_with_its_lasers(count: int) -> None:
+    """Distinct, in order, all over the scan, of lasers that fire in turn as many of each as chance has it.
+
+    Mutations: every so many-th point; the drawn part left out.
+    """
+    places = sampled(count)
+    assert len(places) == min(count, 1000)
+    assert np.all(np.diff(places) > 0)
+    if count >= 2500:
+        assert places[0] < count / 1000
+        assert places[-1] >= count - count / 1000
+        for lasers in (2, 3, 4, 16, 64):
+            shares = np.bincount(places % lasers, minlength=lasers) / 1000
+            assert np.abs(shares - 1 / lasers).max() < 4.0 * np.sqrt(1 / lasers / 1000)
