@@ -82,7 +82,7 @@ def say_uneven(data: JointData, state: Estimation, rules: Surfaces) -> None:
     data.run.say(
         "warning" if rough else "info",
         "planes.uneven",
-        f"the planes are off flat by {1e3 * unevenness_m(state):.1f} mm from place to place{why}: their shape is estimated "
+        f"the planes are off flat by {1e3 * unevenness_m(state):.2g} mm from place to place{why}: their shape is estimated "
         f"along, in {state.nuisance.patches} patches",
     )
 
