@@ -40,7 +40,7 @@ class Evidence:
     unit: str = ""
 
 
-#: What is said of accelerations in g whose norm at rest is beyond doubt; of doubtful ones it is said otherwise.
+#: What is said of accelerations in g whose norm is beyond doubt; of doubtful ones it is said otherwise.
 ARE_IN_G = " are in g: "
 
 

@@ -71,7 +71,8 @@ def imu_block(imu: ImuReport, clock_offset_s: float) -> RenderableType:
     facts.add_row("topic", Text(f"{imu.topic}   frame {imu.frame_id or '(none)'}   {imu.readings:,} readings"))
     facts.add_row("stamps", _stamps(imu.stamps))
     units = " and ".join(_UNITS.get(unit, unit) for unit in (imu.accelerometer_unit, imu.gyroscope_unit))
-    facts.add_row("units", Text(f"{units}; at rest it reads {imu.gravity_at_rest_m_s2:.3f} m/s²"))
+    when = "at rest" if imu.still_spans else "never at rest,"
+    facts.add_row("units", Text(f"{units}; {when} it reads {imu.gravity_at_rest_m_s2:.3f} m/s²"))
     if imu.measured_noise is not None:
         facts.add_row("noise, used", _noise(imu.measured_noise, "bold"))
     preset = "noise, preset" if imu.measured_noise is not None else "noise, used"

@@ -20,6 +20,7 @@ from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.imu.clipping import clipped
 from calib_core.pace import GAP_PERIODS
 from calib_core.presets import GENERIC_IMU, find_imu_preset
+from calib_core.readers.imu.units import usual_norm
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray, Recording
 
@@ -70,7 +71,7 @@ def imu_report(
 
 def _gravity(imu: ImuData, spans: tuple[StillSpan, ...]) -> float:
     rows = np.concatenate([np.arange(s.first, s.last) for s in spans]) if spans else np.arange(imu.stamps_ns.size)
-    return float(np.median(np.linalg.norm(imu.accel_m_s2[rows], axis=1)))
+    return usual_norm(imu.stamps_ns[rows], imu.accel_m_s2[rows])
 
 
 def _saturation(imu: ImuData) -> SaturationReport:

@@ -1,6 +1,6 @@
 """Units and signs of an IMU from its own readings.
 
-Accelerometer: at rest it shows gravity, so the median norm of the quietest seconds is 9.8 in m/s2 and 1.0 in g.
+Accelerometer: at rest it shows gravity, so the usual norm in the quietest seconds is 9.8 in m/s2 and 1.0 in g.
 
 Gyroscope: gravity, seen in the IMU, turns against the IMU's rotation. Over a window of dt,
     g(t + dt) = Exp(-s integral omega dt) g(t)
@@ -28,8 +28,9 @@ _RAD_PER_DEG = np.pi / 180.0
 _WINDOW_S = 0.5
 _AVERAGE_S = 0.25
 _MAX_WINDOWS = 2000
-#: The quietest seconds are this part of all.
-_QUIET_SHARE = 0.1
+#: The quietest seconds are this part of all. What shakes a rig adds to the norm of each reading (15 m/s2 beside an engine),
+#: hardly to that of their mean over so long, in which a rig hardly turns.
+_QUIET_SHARE, _UNSHAKEN_NS = 0.1, 100_000_000
 _IMPOSSIBLE_RAD_S = 35.0
 #: Accelerations without gravity average to the speed that was gained over the time: half a metre a second in two, by hand.
 #: Gravity averages to 1 in the smaller of its units, less what the rig turns meanwhile.
@@ -81,12 +82,19 @@ def quiet_seconds(stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray) -> I
     return np.concatenate([np.arange(starts[c], starts[c] + sizes[c]) for c in np.sort(chosen)])
 
 
+def usual_norm(stamps_ns: IntArray, accel: FloatArray) -> float:
+    """Median norm of means over a tenth of a second each, in the unit of the readings (N, 3)."""
+    starts = np.flatnonzero(np.diff((stamps_ns - stamps_ns[0]) // _UNSHAKEN_NS, prepend=-1))
+    means = np.add.reduceat(accel, starts, axis=0) / np.diff(starts, append=len(stamps_ns))[:, None]
+    return float(np.median(np.linalg.norm(means, axis=1)))
+
+
 def detect_accelerometer_unit(
     stamps_ns: IntArray, gyro: FloatArray, accel: FloatArray, settings: ReadSettings, topic: str
 ) -> tuple[AccelerometerUnit, Finding]:
-    """The unit, from the median norm of the quietest seconds. Raises InputError where that is no gravity in any unit."""
+    """The unit, from the usual norm in the quietest seconds. Raises InputError where that is no gravity in any unit."""
     quiet = quiet_seconds(stamps_ns, gyro, accel)
-    norm = float(np.median(np.linalg.norm(accel[quiet], axis=1)))
+    norm = usual_norm(stamps_ns[quiet], accel[quiet])
     _require_gravity(norm, stamps_ns, accel, topic)
     # Distance in log units from either answer; halfway between 1 and 9.8 is 3.1.
     to_g = abs(np.log(max(norm, 1e-9)))
@@ -96,27 +104,25 @@ def detect_accelerometer_unit(
     confidence = float(np.exp(-((distance / 0.4) ** 2)))
     unit = settings.accelerometer_unit or detected
     name = "g" if unit == "g" else "m/s²"
-    text = (
-        f"Accelerations on {topic}{ARE_IN_G if name == 'g' else f' are in {name}: '}at rest their norm is {norm:.2f}."
-    )
+    text = f"Accelerations on {topic}{ARE_IN_G if name == 'g' else f' are in {name}: '}when quietest their norm is {norm:.2f}."
     level: Literal["info", "warning"] = "warning" if unit == "g" or confidence < 0.5 else "info"
     if confidence < 0.5:
         text = (
-            f"At rest the accelerations on {topic} have norm {norm:.2f}, which is gravity neither in m/s²"
+            f"When quietest the accelerations on {topic} have norm {norm:.2f}, which is gravity neither in m/s²"
             f" nor in g; {name} is assumed."
         )
     elif unit != detected:
         level = "warning"
         text = (
-            f"Accelerations on {topic} are taken in {name}, as asked; but at rest their norm is {norm:.2f}, which is gravity in "
-            f"{'g' if detected == 'g' else 'm/s²'}: the solve will find no answer where the unit is wrong."
+            f"Accelerations on {topic} are taken in {name}, as asked; but when quietest their norm is {norm:.2f}, which is "
+            f"gravity in {'g' if detected == 'g' else 'm/s²'}: the solve will find no answer where the unit is wrong."
         )
     finding = Finding(
         code="imu.accelerometer_unit",
         level=level,
         text=text,
         evidence=(
-            Evidence("median norm at rest", round(norm, 2), name),
+            Evidence("median norm when quietest", round(norm, 2), name),
             Evidence("readings examined", int(quiet.size)),
         ),
         confidence=1.0 if settings.accelerometer_unit else round(confidence, 3),
@@ -134,7 +140,7 @@ def _require_gravity(norm: float, stamps_ns: IntArray, accel: FloatArray, topic:
     found = (
         f"they average to {stays:.2f} over {_GAINING_S:.0f} s"
         if stays < _LEAST_GRAVITY
-        else f"their norm is {norm:.{0 if norm > _MOST_GRAVITY else 2}f} at rest"
+        else f"their norm is {norm:.{0 if norm > _MOST_GRAVITY else 2}f} when quietest"
     )
     raise InputError(
         f"The accelerations on {topic} do not show gravity: {found} where 9.8 (m/s²) or 1.0 (g) was expected; choose the topic of"

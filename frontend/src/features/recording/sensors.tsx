@@ -180,7 +180,7 @@ function imuFacts({ imu }: DoctorReport): Fact[] {
   return [
     ["Readings", manyAt(imu.readings, imu.stamps.rate_hz)],
     ["Units", `${imu.accelerometer_unit.replace("m_s2", "m/s²")}, ${imu.gyroscope_unit.replace("_", "/")}`],
-    ["At rest", `${fixed(imu.gravity_at_rest_m_s2, 2)} m/s²`],
+    [imu.still_spans.length > 0 ? "At rest" : "Never at rest", `${fixed(imu.gravity_at_rest_m_s2, 2)} m/s²`],
     ["Noise", noiseOrigin(imu)],
     ["Gyroscope", `${fixed(gyroDeg, 4)} °/s/√Hz`],
     ["Accelerometer", `${fixed(accelUg, 0)} µg/√Hz`],
