@@ -72,7 +72,7 @@ def begin(
     say_open(run, best)
     best = replace(best, away=best.reference != reference)
     if given is not None and best.away:
-        best = best.seen_from(reference) or follow(run, planes, reference, may_leave=False)
+        best = best.seen_from(reference) or _from_where_planes_are(run, best, planes, reference)
     if best.reference == reference:
         of_proposal = tuple(matched(best.planes, proposed).tolist())
         return replace(best, proposals=proposed, of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal))
@@ -85,6 +85,27 @@ def begin(
         f"{len(scans)} scans",
     )
     return best
+
+
+def _from_where_planes_are(run: Run, best: Followed, planes: Sequence[Plane], reference: int) -> Followed:
+    """The track from the reference, to which the best one does not lead: by the planes alone, or by the turns that it told."""
+    alone = follow(run, planes, reference, may_leave=False)
+    rotation = told_rotation(run, lidar_track(run, best))
+    if alone.leads_on(run) or rotation is None or rotation.open_axis_imu is not None:
+        return alone
+    tracks = [alone]
+    for coasts in (False, True):
+        turning = GyroTurning.of(run, rotation, coasts=coasts)
+        tracks.append(follow(run, planes, reference, turning=turning, may_leave=False))
+    most = max(tracks, key=lambda track: track.worth(run))
+    if most is alone:
+        return alone
+    run.say("info", "track.aided", _BY_IMU)
+    lidar = lidar_track(run, most)
+    own = told_rotation(run, lidar)
+    if own is None or own.open_axis_imu is not None:
+        return most
+    return _with_steps(run, (most, check_track(run, most.motions, lidar, own)), planes, reference)[0]
 
 
 def _led_throughout(

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 from calib_core.errors import Refused
+from calib_core.events import LogEvent, never_cancel
 from calib_core.full.initialise.agreement import Agreement
+from calib_core.full.initialise.begin import _from_where_planes_are, begin
 from calib_core.full.initialise.by_pairs import pairs_start
 from calib_core.full.initialise.felt import GyroAndSteps, GyroTurning
 from calib_core.full.initialise.guide import ImuMotion
@@ -18,7 +20,9 @@ from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.odometry.reference import Followed, follow
+from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp
+from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Recording
 from tests.core.full.tracks import begun, track_errors
@@ -307,6 +311,47 @@ def test_what_breaks_off_all_the_same_is_followed_from_elsewhere(
     _broken_off(monkeypatch, calls, turned_to=45)
     begun(noisy[0], given=False)
     assert calls[:3] == ["by planes", "by turns", "elsewhere"]
+
+
+@pytest.mark.parametrize("alone", [3, 60])
+def test_planes_in_a_frame_that_the_best_track_does_not_reach_are_followed_from_by_its_turns(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, alone: int
+) -> None:
+    """Seen on stairs: from the scan that three planes were chosen in, the planes alone lead over one of 249 scans, and that was
+    refused; under the rotation that the best track tells, the gyroscope leads over 247. Where the planes alone lead on, they do.
+
+    Mutations: the planes alone, however short; by turns in any case; nothing said of it.
+    """
+    recording, truth = noisy
+    said: list[str] = []
+
+    def listen(event: object) -> None:
+        if isinstance(event, LogEvent):
+            said.append(event.code)
+
+    run = prepare(recording, CalibrateSettings(), listen, never_cancel)
+    whole = begin(run, None)
+    later = whole.seen_from(20)
+    assert later is not None
+    best = replace(later, motions=[m for m in later.motions if m.position >= 20], away=True)
+    asked: list[object] = []
+
+    def short(*arguments: Any, **options: Any) -> Followed:
+        asked.append(options.get("turning"))
+        found = follow(*arguments, **options)
+        return found if options.get("turning") else replace(found, motions=found.motions[:alone])
+
+    monkeypatch.setattr("calib_core.full.initialise.begin.follow", short)
+    said.clear()
+    assert best.seen_from(0) is None
+    found = _from_where_planes_are(run, best, whole.planes, 0)
+    assert found.reference == 0
+    assert found.seen == len(recording.scans)
+    assert ("track.aided" in said) == (alone < 60)
+    assert [turning is not None for turning in asked][:2] == ([False, True] if alone < 60 else [False])
+    turned, moved = track_errors(recording, truth, found)
+    assert turned < 4.0
+    assert moved < 0.08
 
 
 def test_clouds_that_stand_still_within_their_sweeps_are_told_before_the_gyroscope_turns_them(
