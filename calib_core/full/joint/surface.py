@@ -18,6 +18,7 @@ from calib_core.full.joint.settle import Near
 from calib_core.full.joint.state import CALIBRATION
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.geometry import log
+from calib_core.sigmas import two_digits
 from calib_core.types import FloatArray
 
 
@@ -82,8 +83,8 @@ def say_uneven(data: JointData, state: Estimation, rules: Surfaces) -> None:
     data.run.say(
         "warning" if rough else "info",
         "planes.uneven",
-        f"the planes are off flat by {1e3 * unevenness_m(state):.2g} mm from place to place{why}: their shape is estimated "
-        f"along, in {state.nuisance.patches} patches",
+        f"the planes are off flat by {two_digits(1e3 * unevenness_m(state))} mm from place to place{why}: their shape is "
+        f"estimated along, in {state.nuisance.patches} patches",
     )
 
 

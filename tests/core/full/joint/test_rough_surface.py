@@ -72,7 +72,8 @@ def test_what_goes_on_to_be_another_surface_stays_as_it_was(
 
 
 @pytest.mark.parametrize(
-    ("by_mm", "level", "words"), [(5.0, "info", "flat by 5.0 mm"), (12.0, "warning", "a door stood ajar")]
+    ("by_mm", "level", "words"),
+    [(0.03, "info", "flat by 0.030 mm"), (5.0, "info", "flat by 5.0 mm"), (12.0, "warning", "a door stood ajar")],
 )
 def test_a_person_is_warned_of_what_no_wall_is(
     half: Half, monkeypatch: pytest.MonkeyPatch, by_mm: float, level: str, words: str
