@@ -26,10 +26,10 @@ from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.prepare.nuisance import Nuisance
-from calib_core.solver.arrow import Eliminated, NotPositiveDefinite, solve_arrow
+from calib_core.solver.arrow import ArrowEquations, Eliminated, NotPositiveDefinite, solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.solver.levenberg import minimise
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 from tests.core.factors.test_laser_features import triangle
 from tests.core.full.joint import test_problem as plain
 from tests.core.full.joint.test_sensors import BENT, LASERS, NUISANCE, Case, _written_out
@@ -77,8 +77,8 @@ class _Amplified:
         self._at_hand, self._times = at_hand, times
         self.is_of_kind = at_hand.is_of_kind
 
-    def unit_responses(self, *asked: object) -> tuple[FloatArray, FloatArray]:
-        along, border = self._at_hand.unit_responses(*asked)  # type: ignore[arg-type]
+    def unit_responses(self, equations: ArrowEquations, columns: IntArray) -> tuple[FloatArray, FloatArray]:
+        along, border = self._at_hand.unit_responses(equations, columns)
         return self._times * along, self._times * border
 
 
