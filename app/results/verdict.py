@@ -20,6 +20,9 @@ _DISAGREEING = re.compile(r"(?P<what>[a-z][a-z ]*[a-z]) [\d.]+ times")
 #: The message that says that a plane is doubtful and counts all the same.
 DOUBTED = "planes.doubted"
 
+#: The message that says that other planes than a person chose gave the answer.
+INSTEAD = "planes.instead"
+
 #: The message that says that what a person gave contradicts the recording.
 CONTRADICTED = "prior.contradicted"
 
@@ -41,8 +44,11 @@ def disagreeing(result: CalibrationResult) -> list[str]:
     return [each["what"] for each in _DISAGREEING.finditer(said.partition(" (")[2].partition(")")[0])]
 
 
-def doubted(result: CalibrationResult) -> str:
-    """The sentence about planes that are doubtful and count all the same; "" where there are none."""
+def said_of_planes(result: CalibrationResult) -> str:
+    """The sentence about planes that are doubtful and count all the same, or could not and gave way to others; "" for none."""
+    instead = next((message.text for message in result.messages if message.code == INSTEAD), "")
+    if instead:
+        return _whole(instead)
     said = [message.text for message in result.messages if message.code == DOUBTED]
     if len(said) > 1:
         return f"{len(said)} planes are doubtful and count all the same: leave them out and solve again."
@@ -57,7 +63,7 @@ def tone(result: CalibrationResult) -> Tone:
         case "weak":
             return "doubtful"
         case "calibrated":
-            return "doubtful" if disagrees(result) or doubted(result) else "good"
+            return "doubtful" if disagrees(result) or said_of_planes(result) else "good"
 
 
 def held_offset(result: CalibrationResult) -> bool:
@@ -123,7 +129,7 @@ def told(result: CalibrationResult) -> str:
         known = f"{_whole(weak[0].text)}{_weak_axes(result)}" if weak else known
     if disagrees(result):
         known = f"{parts} {known}"
-    return f"{doubted(result)} {known}".lstrip()
+    return f"{said_of_planes(result)} {known}".lstrip()
 
 
 def _weak_axes(result: CalibrationResult) -> str:

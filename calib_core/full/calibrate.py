@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.errors import Refused
+from calib_core.errors import ChoiceDoesNotHold, Refused
 from calib_core.full.attempts import MotionByAll, Task, answered, motion_by_everything
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
@@ -32,8 +32,36 @@ from calib_core.types import FloatArray, InitialGuess, Plane
 def calibrate_full(
     run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None = None
 ) -> Answer:
-    """The answer of a prepared run. planes: those that count in the joint estimation; None for all that are
-    found.   guess: what is known beforehand, None for nothing.   cache_dir: folder for what the next solve need not do again."""
+    """The answer of a prepared run.
+
+    planes: those that count in the joint estimation; None for all that are found. All that are found without them count as well
+    where a choice does not hold the motion, which is said: an answer with a warning is worth more than none, and each is judged
+    by what is seen of it.   guess: what is known beforehand, None for nothing.   cache_dir: folder for what the next solve need
+    not do again.
+    """
+    unsay = run.attempt()
+    try:
+        return by_planes(run, planes, guess, cache_dir)
+    except ChoiceDoesNotHold as failed:
+        if planes is None or not run.settings.estimate_planes:  # where they were surveyed, the frame is theirs
+            raise
+        say_again = run.attempt()
+        unsay()
+        try:
+            answer = by_planes(run, None, guess, cache_dir)
+        except Refused:
+            say_again()
+            raise failed from None
+        text = f"{failed.what}; the answer is by all that were found: see which these are, or choose walls, floor and ceiling"
+        run.say("warning", "planes.instead", text)
+        return answer
+
+
+def by_planes(run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None) -> Answer:
+    """The answer by a choice of planes, or by all that are found, of which those that turn out to be none are left out.
+
+    Raises ChoiceDoesNotHold where nothing is wrong with the recording, but with the choice.
+    """
     _say_of_held_planes(run, planes)
     planes, begins = in_the_tracks_frame(run, planes)
     followed = follow_or_recall(run, planes, cache_dir, begins)

@@ -57,6 +57,15 @@ def test_an_answer_that_rests_on_what_is_doubtful_says_so_first_and_is_not_green
     )
 
 
+def test_an_answer_by_other_planes_than_were_chosen_says_so_first_and_is_not_green():
+    """Mutations: green; after the sigmas."""
+    result = world.make_result()
+    text = "the planes chosen do not hold the motion: floor is not flat; the answer is by all that were found"
+    result.messages.append(Message(code="planes.instead", level="warning", text=text))
+    assert tone(result) == "doubtful"
+    assert verdict(result).startswith(f"Calibrated. T{text[1:]}. One standard deviation is")
+
+
 def test_the_summary_says_when_the_time_offset_holds():
     """As report and page do. Oracle: by hand. Mutations: no word; of clocks that were taken to run alike, too."""
 
