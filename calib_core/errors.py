@@ -8,7 +8,6 @@
     |  |- SettingsError           a setting or an auxiliary file (planes, guess, noise) is unusable
     |- Cancelled                  the caller asked to stop (exit code 130)
     |- Refused                    the recording cannot give the answer; never leaves the library
-       |- ChoiceDoesNotHold       the planes that a person chose cannot
 
 A recording that cannot give the answer is not an error to the caller: `Refused` is caught once (calibrate.py, and
 full/forecast.py for what is foretold) and made a result with status `refused`.
@@ -74,11 +73,3 @@ class Refused(UnsweepError):
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text, code=code)
-
-
-class ChoiceDoesNotHold(Refused):
-    """The planes that a person chose cannot give the answer, whatever others might. what: it without what to do, `cure`."""
-
-    def __init__(self, code: str, what: str, cure: str) -> None:
-        super().__init__(code, f"{what}; {cure}")
-        self.what = what

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.errors import ChoiceDoesNotHold, Refused
+from calib_core.errors import Refused
 from calib_core.full.attempts import MotionByAll, Task, answered, motion_by_everything
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
@@ -28,22 +28,25 @@ from calib_core.full.run import Run
 from calib_core.method import Answer
 from calib_core.types import FloatArray, InitialGuess, Plane
 
+#: What refusals are about that other planes might not meet; the others are about readings, clouds, or a rig that stood still.
+_OF_PLANES = frozenset({"planes", "start", "solve"})
+
 
 def calibrate_full(
     run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None = None
 ) -> Answer:
     """The answer of a prepared run.
 
-    planes: those that count in the joint estimation; None for all that are found. All that are found without them count as well
-    where a choice does not hold the motion, which is said: an answer with a warning is worth more than none, and each is judged
-    by what is seen of it.   guess: what is known beforehand, None for nothing.   cache_dir: folder for what the next solve need
-    not do again.
+    planes: those that count in the joint estimation; None for all that are found. Where a choice gives no answer and all that are
+    found without it do, theirs is given, and said: it is worth more than none, and each is judged by what is seen of it.
+    guess: what is known beforehand, None for nothing.   cache_dir: folder for what the next solve need not do again.
     """
     unsay = run.attempt()
     try:
         return by_planes(run, planes, guess, cache_dir)
-    except ChoiceDoesNotHold as failed:
-        if planes is None or not run.settings.estimate_planes:  # where they were surveyed, the frame is theirs
+    except Refused as failed:
+        is_held = not run.settings.estimate_planes  # the frame is theirs
+        if planes is None or is_held or failed.code.partition(".")[0] not in _OF_PLANES:
             raise
         say_again = run.attempt()
         unsay()
@@ -52,15 +55,16 @@ def calibrate_full(
         except Refused:
             say_again()
             raise failed from None
-        text = f"{failed.what}; the answer is by all that were found: see which these are, or choose walls, floor and ceiling"
-        run.say("warning", "planes.instead", text)
+        why, _, _ = str(failed).partition(";")  # without what to do
+        text = f"by the planes chosen there is no answer: {why}; it is by all that were found instead"
+        run.say("warning", "planes.instead", f"{text}: see which these are, or choose walls, floor and ceiling")
         return answer
 
 
 def by_planes(run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None) -> Answer:
     """The answer by a choice of planes, or by all that are found, of which those that turn out to be none are left out.
 
-    Raises ChoiceDoesNotHold where nothing is wrong with the recording, but with the choice.
+    Raises Refused.
     """
     _say_of_held_planes(run, planes)
     planes, begins = in_the_tracks_frame(run, planes)

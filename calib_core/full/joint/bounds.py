@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.errors import ChoiceDoesNotHold, Refused
+from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES
@@ -39,10 +39,10 @@ def require_rest(before: Estimation, after: Estimation, unsettled_sigmas: float)
     if (np.abs(moved) / std).max() > unsettled_sigmas:
         said = [f"{plane.name} {WORDS[plane.fault]}" for plane in after.planes if plane.fault]
         if said:
-            raise ChoiceDoesNotHold(
+            raise Refused(
                 "planes.unsettled",
-                f"the solve did not come to rest with the planes chosen: {', '.join(said)}",
-                "leave out what can move or bend, and solve again",
+                f"the solve did not come to rest with the planes chosen: {', '.join(said)}; leave out what can move or bend, and "
+                "solve again",
             )
         _refuse(before, after, f"the solve did not come to rest in {after.rounds} rounds")
 

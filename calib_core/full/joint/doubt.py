@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.errors import ChoiceDoesNotHold
+from calib_core.errors import Refused
 from calib_core.full.joint.estimation import MapPlane, Solved
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.residuals import plane_chi2
@@ -82,9 +82,7 @@ def face_three_ways(normals: FloatArray) -> bool:
 
 
 def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], normals: FloatArray) -> None:
-    """Raises ChoiceDoesNotHold where some of the planes are faulty and the others do not face three ways.
-
-    normals: (P, 3), unit length.
+    """Raises Refused where some of the planes are faulty and the others do not face three ways. normals: (P, 3), unit length.
 
     What came into view is nobody's choice, and is not blamed on it; nor is any plane called faulty by a motion that all of them
     would not hold.
@@ -97,17 +95,15 @@ def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], norm
     why = f"{', '.join(said)}, and the others do not face three ways" if said else "they do not face three ways"
     if not face_three_ways(normals):
         why = "those that count face two ways at most"
-    raise ChoiceDoesNotHold(
+    raise Refused(
         "planes.doubtful",
-        f"the planes chosen do not hold the motion: {why}",
-        "choose walls, floor and ceiling, or use the suggestion",
+        f"the planes chosen do not hold the motion: {why}; choose walls, floor and ceiling, or use the suggestion",
     )
 
 
 def require_sound_choice(solved: Solved) -> None:
-    """Raises ChoiceDoesNotHold where the planes of a choice that are beyond doubt do not hold three directions.
-
-    The answer would be that of what moves or bends.
+    """Raises Refused where the planes of a choice that are beyond doubt do not hold three directions: the answer would be that of
+    what moves or bends.
     """
     if not np.isfinite(solved.estimate.p_imu_lidar).all():  # a solve that came to nothing is told as that
         return

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib_core.errors import ChoiceDoesNotHold, Refused
+from calib_core.errors import Refused
 from calib_core.full import attempts
 from calib_core.full import calibrate as page
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
@@ -114,8 +114,6 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     assert counted(monkeypatch, renamed, "right", found=names) == ([(FULL, ["hall", "+wall"])], [], ("right", False))
     cut = [replace(proposed[0], outline_m=np.zeros((3, 3)))]
     assert counted(monkeypatch, cut, "right", found=names)[0] == [(PARTLY, ["floor", "+wall"])]
-    assert counted(monkeypatch, proposed, lost, found=names, of=2) == ([(FULL, names)], [], "planes.too_few")
-    assert counted(monkeypatch, GIVEN, lost) == ([(CHOSEN, names)], [], "planes.too_few")
     late = counted(monkeypatch, proposed[:1], "right", found=[*names, "side"], of=2)
     assert late == ([(PARTLY, ["floor", "+side", "-wall"])], [], ("right", True))
     both = [(PARTLY, ["floor", "-wall"]), (CHOSEN, ["floor", "-wall"])]
@@ -126,28 +124,34 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
     )
 
 
-def test_where_a_choice_does_not_hold_the_motion_all_that_were_found_count(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Said, with what is wrong with the choice, and without what its own attempts said; where they do not hold it either, the
-    choice is why. Planes that were surveyed, and a solve that failed for another reason, stand.
+def test_where_a_choice_gives_no_answer_all_that_were_found_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Said, with why the choice gives none, and without what its own attempts said; where they give none either, the choice is
+    why. Planes that are held stand, and so does what is wrong with the readings.
 
     Seen: a lawn that rolls by 2 cm among three planes chosen, nothing but a refusal, and an answer within its sigmas by all.
     Mutations: never; beside what the chosen planes had said; for any refusal; beside planes that are held; the refusal of the
-    others told; nothing said of it; boxes are asked again by hand.
+    others told; nothing said of it; what to do with the choice said too; boxes are asked again by hand.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names = ["floor", "wall"]
-    boxes = ChoiceDoesNotHold("planes.doubtful", "the planes chosen do not hold the motion", "choose walls")
+    boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion; choose walls")
     by_all, partly = (FULL, names), (PARTLY, ["floor", "-wall"])
     right = ("right", False)
     said = ["planes.instead"]
     assert counted(monkeypatch, proposed[:1], boxes, "right", found=names, of=2) == ([partly, by_all], said, right)
-    assert counted(monkeypatch, GIVEN, boxes, "right", found=names, of=2) == ([(CHOSEN, names), by_all], said, right)
+    for why in (boxes, Refused("start.no_overlap", "no start")):
+        assert counted(monkeypatch, GIVEN, why, "right", found=names, of=2) == ([(CHOSEN, names), by_all], said, right)
+    astray = Refused("solve.diverged", "no point lies on the floor")
+    tried = [(CHOSEN, names), (CHOSEN, names), by_all]  # with the sensors held, too
+    assert counted(monkeypatch, GIVEN, astray, astray, "right", found=names, of=2) == (tried, said, right)
     lost = Refused("planes.too_few", "two planes do not hold a pose")
     neither = ([(CHOSEN, names), by_all], [], "planes.doubtful")
     assert counted(monkeypatch, GIVEN, boxes, lost, found=names, of=2) == neither
-    assert counted(monkeypatch, GIVEN, lost, found=names, of=2) == ([(CHOSEN, names)], [], "planes.too_few")
+    by_choice = [(CHOSEN, names)]
+    still = Refused("motion.none", "it stood still")
+    assert counted(monkeypatch, GIVEN, still, found=names, of=2) == (by_choice, [], "motion.none")
     held = counted(monkeypatch, GIVEN, boxes, found=names, of=2, held=True)
-    assert held == ([(CHOSEN, names)], [], "planes.doubtful")
+    assert held == (by_choice, [], "planes.doubtful")
 
 
 def test_proposals_that_are_no_planes_of_their_own_are_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
