@@ -24,5 +24,5 @@ def room(entropy_nat: float, thickness_mm: float) -> RoomCrispness:
 def test_a_room_is_blurrier_where_its_surfaces_show_thicker(
     given: RoomCrispness, found: RoomCrispness, begins: str
 ) -> None:
-    """Seen: "blurrier, by 0.0008 nat: 19.80 mm against 19.80 mm". Mutations: by entropy alone; by thickness alone; turned round."""
+    """Seen: "blurrier, by 0.0008 nat: 19.80 mm against 19.80". Mutations: by entropy alone; by thickness alone; turned round."""
     assert _sentence(given, found).startswith(begins)
