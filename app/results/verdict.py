@@ -20,6 +20,9 @@ _DISAGREEING = re.compile(r"(?P<what>[a-z][a-z ]*[a-z]) [\d.]+ times")
 #: The message that says that a plane is doubtful and counts all the same.
 DOUBTED = "planes.doubted"
 
+#: The message that says that next to no point lies on a plane that a person chose.
+UNSEEN = "planes.unseen"
+
 #: The message that says that other planes than a person chose gave the answer.
 INSTEAD = "planes.instead"
 
@@ -45,14 +48,21 @@ def disagreeing(result: CalibrationResult) -> list[str]:
 
 
 def said_of_planes(result: CalibrationResult) -> str:
-    """The sentence about planes that are doubtful and count all the same, or could not and gave way to others; "" for none."""
-    instead = next((message.text for message in result.messages if message.code == INSTEAD), "")
-    if instead:
-        return _whole(instead)
-    said = [message.text for message in result.messages if message.code == DOUBTED]
-    if len(said) > 1:
-        return f"{len(said)} planes are doubtful and count all the same: leave them out and solve again."
-    return _whole(said[0]) if said else ""
+    """What speaks against the planes that a person chose, as whole sentences; "" where nothing does.
+
+    They gave way to others, some are doubtful and count all the same, or count for nothing.
+    """
+    several = {
+        INSTEAD: "",  # said once at the most
+        DOUBTED: "{} planes are doubtful and count all the same: leave them out and solve again.",
+        UNSEEN: "{} of the planes chosen count for next to nothing, and may not be where they were put.",
+    }
+    sentences = []
+    for code, of_several in several.items():
+        said = [message.text for message in result.messages if message.code == code]
+        if said:
+            sentences.append(of_several.format(len(said)) if len(said) > 1 else _whole(said[0]))
+    return " ".join(sentences)
 
 
 def tone(result: CalibrationResult) -> Tone:

@@ -44,6 +44,7 @@ describe("one truth", () => {
     expect(toneOf("calibrated", [])).toBe("good");
     expect(toneOf("calibrated", ["solve.disagreement"])).toBe("warning");
     expect(toneOf("calibrated", ["planes.doubted"])).toBe("warning");
+    expect(toneOf("calibrated", ["planes.unseen"])).toBe("warning");
     expect(toneOf("calibrated", ["planes.instead"])).toBe("warning");
     expect(toneOf("refused", [])).toBe("error");
   });

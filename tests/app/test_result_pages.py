@@ -57,6 +57,21 @@ def test_an_answer_that_rests_on_what_is_doubtful_says_so_first_and_is_not_green
     )
 
 
+def test_an_answer_that_some_chosen_planes_have_no_part_in_says_so_first_and_is_not_green():
+    """Seen: the planes of another recording, one of which fits by chance, and a green answer. Mutations: green; after the sigmas;
+    two told as one; nothing of what is doubtful beside."""
+    result = world.make_result()
+    text = "no point lies on side 1 in the end: it counts for nothing, and may not be where it was put"
+    result.messages.append(Message(code="planes.unseen", level="warning", text=text))
+    assert tone(result) == "doubtful"
+    assert verdict(result).startswith(f"Calibrated. N{text[1:]}. One standard deviation is")
+    result.messages.append(Message(code="planes.unseen", level="warning", text=text.replace("1", "2")))
+    told = "2 of the planes chosen count for next to nothing, and may not be where they were put. One standard deviation is"
+    assert verdict(result).startswith(f"Calibrated. {told}")
+    result.messages.append(Message(code="planes.doubted", level="warning", text="wall is not flat"))
+    assert verdict(result).startswith(f"Calibrated. Wall is not flat. {told}")
+
+
 def test_an_answer_by_other_planes_than_were_chosen_says_so_first_and_is_not_green():
     """Mutations: green; after the sigmas."""
     result = world.make_result()

@@ -7,9 +7,9 @@ const words: Record<CalibrationResult["status"], string> = {
   weak: "Weak",
   refused: "Refused",
 };
-/** What speaks against an answer that is calibrated: parts that disagree, planes that are doubtful and count, or
- * gave way to others. */
-const against = ["solve.disagreement", "planes.doubted", "planes.instead"];
+/** What speaks against an answer that is calibrated: parts that disagree, planes that are doubtful and count,
+ * count for nothing, or gave way to others. */
+const against = ["solve.disagreement", "planes.doubted", "planes.unseen", "planes.instead"];
 
 /** The colour of a result: green is for an answer that nothing speaks against. */
 export function toneOf(status: CalibrationResult["status"], codes: readonly string[]): Tone {
