@@ -62,6 +62,8 @@ class Hearing:
     times: float = 3.0
     #: judged: a tone of the room turns with the IMU, by whose turns it is found beside its frequency.
     around_hz: float = 1.0
+    #: derived: of a normal law one in 16,000 is beyond: so many standard deviations of chance may hide a tone in a standstill.
+    sigmas: float = 4.0
 
 
 @dataclass(frozen=True, slots=True)

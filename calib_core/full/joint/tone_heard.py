@@ -1,7 +1,9 @@
 """Whether the IMU has read a tone at all: what is taken out of readings has to be in them.
 
 A lidar's pattern comes round in its own time, too, and walls that are not flat are then seen to tremble by fractions of a
-millimetre: as readings of 23 Hz that is metres a second squared, which a motion of the opposite sign undoes.
+millimetre: as readings of 23 Hz that is metres a second squared, which a motion of the opposite sign undoes. And what is as slow
+as the hand's own motion is in the readings of any motion: where planes leave a direction open, it can be told from it by a
+standstill alone, through which a tone goes on.
 """
 
 from __future__ import annotations
@@ -10,12 +12,16 @@ import numpy as np
 
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.settings import HEARING
+from calib_core.full.prepare.imu_noise import longest_still
 from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
 
 
-def is_heard(data: JointData, state: Estimation) -> bool:
-    """Of the last of a state's tones: whether gyroscope or accelerometer has read about as much there."""
+def is_heard(data: JointData, state: Estimation, slow_hz: float) -> bool:
+    """Of the last of a state's tones: whether gyroscope or accelerometer has read about as much there.
+
+    Up to slow_hz, where hands move, it has to be in the readings of a standstill too, unless an engine is heard anyway.
+    """
     hz, values = state.nuisance.tones_hz[-1], state.estimate.sensors.tones()[-1]
     at = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
     added = tone_readings(hz, values, at.knots_s, at.at_knots)
@@ -23,7 +29,33 @@ def is_heard(data: JointData, state: Estimation) -> bool:
     imu, imu_s = data.run.recording.imu, data.run.clocks.imu_s
     mine = (imu_s >= data.readings.knots_s[0]) & (imu_s <= data.readings.knots_s[state.knots - 1])
     read = np.stack([loudest_near(imu_s[mine], channels[mine], hz) for channels in (imu.gyro_rad_s, imu.accel_m_s2)])
-    return bool((claimed < HEARING.times * read).any())
+    if not (claimed < HEARING.times * read).any():
+        return False
+    return (
+        data.run.noise.shaken or hz > slow_hz or is_in_standstill(data, at.knots_s + state.nuisance.tones_zero_s, added)
+    )
+
+
+def is_in_standstill(data: JointData, knots_s: FloatArray, claimed: FloatArray) -> bool:
+    """Whether the longest standstill may have what a tone adds to the readings: True where there is none that could tell.
+
+    knots_s: (K,) IMU clock.   claimed: (K, 6).   The share of it that the readings there have is a line's slope, each channel
+    counting by how little it scatters: within its error, it has to reach what is_heard asks of a tone's size.
+    """
+    imu, imu_s = data.run.recording.imu, data.run.clocks.imu_s
+    still = longest_still(imu_s, imu.gyro_rad_s, imu.accel_m_s2)
+    if still is None:
+        return True
+    times_s, read = imu_s[still], np.hstack([imu.gyro_rad_s[still], imu.accel_m_s2[still]])
+    known = (times_s >= knots_s[0]) & (times_s <= knots_s[-1])
+    if not known.any():
+        return True
+    tone = np.stack([np.interp(times_s[known], knots_s, channel) for channel in claimed.T], axis=1)
+    tone, read = tone - tone.mean(axis=0), read[known]  # what does not change may be a bias
+    weight = 1.0 / np.maximum(read.std(axis=0), data.run.noise.sample_std) ** 2
+    information = float((weight * tone**2).sum())
+    pull = float((weight * tone * read).sum())
+    return pull + HEARING.sigmas * np.sqrt(information) >= information / HEARING.times
 
 
 def loudest_near(times_s: FloatArray, channels: FloatArray, hz: float) -> float:

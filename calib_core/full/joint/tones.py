@@ -79,7 +79,7 @@ def admit_tones(
         if is_hump(data, state, found[0].hz, rules):
             return without_tones(data, state, round_, sampling)
         after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
-        if not is_heard(data, after):
+        if not is_heard(data, after, rules.slow_hz):
             break
         left = found_tones(data, after, rules, round_, sampling, least=least, loud=loud)
         if left and left[0].decrease > found[0].decrease:
@@ -103,7 +103,7 @@ def admit_rest(
     if is_the_motions(data, state, found, rules):
         return state
     after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
-    return after if is_heard(data, after) else state
+    return after if is_heard(data, after, rules.slow_hz) else state
 
 
 def is_the_motions(data: JointData, state: Estimation, found: Sequence[Explaining], rules: Tones) -> bool:
