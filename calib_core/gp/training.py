@@ -21,6 +21,7 @@ import numpy as np
 
 from calib_core.gp.kernels import Smoothness, correlation
 from calib_core.gp.regression import NOISE_FLOOR, Hyper
+from calib_core.memoised import memoised
 from calib_core.types import FloatArray
 
 #: Steps of the coarse grid, as ratios of neighbours. `fit_hyper` then refines them by this factor.
@@ -40,6 +41,7 @@ class _Evaluation:
     signal_var: FloatArray
 
 
+@memoised
 def fit_hyper(
     stamps_s: FloatArray,
     values: FloatArray,

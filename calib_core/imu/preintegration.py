@@ -26,6 +26,7 @@ import numpy as np
 
 from calib_core.gp.regression import Hyper, windowed_posterior
 from calib_core.imu.link_kernels import preintegrate_kernel, sqrt_info_kernel
+from calib_core.memoised import memoised
 from calib_core.threads import in_parts
 from calib_core.types import BoolArray, FloatArray
 
@@ -149,6 +150,7 @@ def gauss_nodes(substeps: int) -> FloatArray:
     return np.asarray((np.arange(substeps)[:, None] + _GAUSS).ravel() / substeps)
 
 
+@memoised
 def upsample(
     stamps_s: FloatArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, knots_s: FloatArray, hyper: Hyper
 ) -> UpsampledImu:

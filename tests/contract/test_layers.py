@@ -24,6 +24,7 @@ RECORDS = {
     "pace",
     "sigmas",
     "written",
+    "memoised",
 }
 
 #: Part of calib_core -> parts it may import besides itself and RECORDS.

@@ -15,7 +15,6 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from calib_core.full.initialise.memoised import memoised
 from calib_core.full.initialise.settings import AGREEING, LAGS, ROTATING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import (
@@ -27,6 +26,7 @@ from calib_core.full.initialise.time_offset import (
     turns_of,
 )
 from calib_core.geometry import mean_rotation, nearest_rotation
+from calib_core.memoised import memoised
 from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray
 

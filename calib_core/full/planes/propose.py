@@ -15,6 +15,7 @@ from calib_core.errors import Cancelled, Refused
 from calib_core.events import ShouldCancel, never_cancel
 from calib_core.full.planes.settings import PATCHES, SEARCH
 from calib_core.geometry import plane_axes
+from calib_core.memoised import told_once
 from calib_core.planes.same import same_place
 from calib_core.planes.segment import PlaneFit, determinacy, fit_plane, segment_planes
 from calib_core.planes.settings import SegmentSettings
@@ -47,13 +48,19 @@ def find_reference(
     for position in candidates:
         if should_cancel():
             raise Cancelled("the search for planes was cancelled")
-        fits = segment_planes(scan_points(scans[position], settings.field_of_view_deg), seed=settings.random_seed)
+        fits = _fits_of(scans, position, settings.field_of_view_deg, settings.random_seed)
         ways = _ways_held(np.array([f.normal for f in fits]).reshape(-1, 3))
         if (ways, len(fits)) > best[0]:
             best = ((ways, len(fits)), position, fits)
         if ways == 3:
             break
     return best[1], best[2]
+
+
+@told_once
+def _fits_of(scans: Sequence[Scan], position: int, field_of_view_deg: float | None, seed: int) -> list[PlaneFit]:
+    """The planes of one scan."""
+    return segment_planes(scan_points(scans[position], field_of_view_deg), seed=seed)
 
 
 def determines_a_pose(fits: Sequence[PlaneFit]) -> bool:

@@ -9,8 +9,9 @@ import numpy as np
 
 from calib_core.full.prepare.settings import LASERS, SWEEPS
 from calib_core.full.run import Clocks
+from calib_core.memoised import told_once
 from calib_core.threads import workers
-from calib_core.types import ComplexArray, FloatArray, IntArray, PointArray, Recording
+from calib_core.types import ComplexArray, FloatArray, IntArray, PointArray, Recording, Scan
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +37,13 @@ def look(recording: Recording, stamps_ns: IntArray | None = None) -> FirstLook:
     """What reading every scan once tells, on all threads. stamps_ns: (M,) of the scans, where they are known."""
     scans = recording.scans
     stamps = np.array([scan.stamp_ns for scan in scans], dtype=np.int64) if stamps_ns is None else stamps_ns
-    period_s = float(np.median(np.diff(stamps))) * 1e-9 if len(stamps) > 1 else recording.lidar.period_s
+    return _look(scans, stamps, recording.lidar.period_s)
+
+
+@told_once
+def _look(scans: Sequence[Scan], stamps: IntArray, usual_s: float) -> FirstLook:
+    """stamps: (M,) of the scans.   usual_s: between them, where there is one."""
+    period_s = float(np.median(np.diff(stamps))) * 1e-9 if len(stamps) > 1 else usual_s
     some = [
         range(first, min(first + SWEEPS.scans_at_once, len(scans)))
         for first in range(0, len(scans), SWEEPS.scans_at_once)

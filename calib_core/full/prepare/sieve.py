@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.full.prepare.settings import SIEVING
+from calib_core.memoised import told_once
 from calib_core.types import FloatArray, IntArray, PointArray, Scan
 
 #: Row, column and layer as one number: 2^20 cells either way are kilometres.
@@ -47,6 +48,7 @@ class Sieve:
         return float(np.sqrt(0.5) * 0.5 * self.passing_s)
 
 
+@told_once
 def sieve_of(scans: Sequence[Scan], period_s: float) -> Sieve | None:
     """What clouds were thinned by; None where they were not, or where it left no trace. period_s: for a look round."""
     places: IntArray = np.unique(np.linspace(0, len(scans) - 1, min(len(scans), SIEVING.scans)).astype(np.int64))
