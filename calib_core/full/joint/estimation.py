@@ -82,6 +82,25 @@ class LastReadings:
         return last
 
 
+@dataclass
+class LastLinked:
+    """A cache of the readings and the links about one estimate, for steps that ask for both before it moves: when tones are
+    listened for, planes judged, points given anew. It changes no number, only the time.
+
+    of: the estimate and what else they were made of.   readings, problem: None where nobody has asked.
+    """
+
+    of: tuple[object, ...] = ()
+    readings: UpsampledImu | None = None
+    problem: JointProblem | None = None
+
+    def about(self, *of: object) -> LastLinked:
+        """Itself, of these objects: emptied where they are others."""
+        if len(of) != len(self.of) or any(one is not other for one, other in zip(of, self.of, strict=True)):
+            self.of, self.readings, self.problem = of, None, None
+        return self
+
+
 #: The step before which it does not matter which planes count (solve.py).
 COUNTING = "planes"
 
@@ -98,7 +117,7 @@ class JointData:
     reference: position of the scan in whose frame the map is.   start: the estimate by the start values.   limits: how far from
     it an answer may lie.   most_rounds: in all.   sensors: which parameters of the sensors are to be unknowns.
     dropped: planes that a person does not want, in the map frame: they must not come into view again.
-    laid_out, asked: what the last step has computed, kept for the next one; they change no number.
+    laid_out, asked, linked: what the last step has computed, kept for the next one; they change no number.
     on_state: called with the name of each step and the state before it (`replay.py` writes them down).
     """
 
@@ -114,6 +133,7 @@ class JointData:
     dropped: Sequence[Plane] = ()
     laid_out: LastView = field(default_factory=LastView)
     asked: LastReadings = field(default_factory=LastReadings)
+    linked: LastLinked = field(default_factory=LastLinked)
     on_state: Callable[[str, Estimation], None] = ignore_state
 
     @property

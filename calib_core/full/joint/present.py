@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.factors.support import cells_within
-from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
+from calib_core.full.joint.estimation import Estimation, JointData, LastLinked, lidar_pose
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import sensor_columns, true_readings
@@ -54,8 +54,16 @@ def readings_of(data: JointData, state: Estimation) -> UpsampledImu:
     e = state.estimate
     if not e.sensors.blocks.blocks:
         return data.readings.part(0, state.knots)
-    asked = data.asked.at(data.run, data.readings, e.sensors.imu().accel_delay_s)
-    return true_readings(asked.part(0, state.knots), e.sensors, e.states.R)
+    last = _linked(data, e)
+    if last.readings is None:
+        asked = data.asked.at(data.run, data.readings, e.sensors.imu().accel_delay_s)
+        last.readings = true_readings(asked.part(0, state.knots), e.sensors, e.states.R)
+    return last.readings
+
+
+def _linked(data: JointData, estimate: Estimate) -> LastLinked:
+    """What the last step has made about this estimate, if it was that."""
+    return data.linked.about(estimate, data.readings, data.nodes, data.run.noise, data.run.clocks)
 
 
 def motion_of(data: JointData, state: Estimation) -> Motion:
@@ -67,13 +75,15 @@ def motion_of(data: JointData, state: Estimation) -> Motion:
 
 def problem_of(data: JointData, state: Estimation) -> JointProblem:
     """The joint problem over the knots estimated so far, linked about the present biases and sensors."""
-    e = state.estimate
-    nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
-    problem = replace(
-        JointProblem.linked(readings, nodes, e, state.priors, data.run.noise.density, gauge_knot=data.gauge),
-        sensors=sensor_columns(e.sensors, readings, e.states.R, data.run.clocks.middle_s),
-        planes_hold_frame=not data.run.settings.estimate_planes,
-    )
+    e, last = state.estimate, _linked(data, state.estimate)
+    if last.problem is None:
+        nodes, readings = data.nodes.part(0, state.knots), readings_of(data, state)
+        last.problem = replace(
+            JointProblem.linked(readings, nodes, e, state.priors, data.run.noise.density, gauge_knot=data.gauge),
+            sensors=sensor_columns(e.sensors, readings, e.states.R, data.run.clocks.middle_s),
+        )
+    held = not data.run.settings.estimate_planes
+    problem = replace(last.problem, priors=state.priors, gauge_knot=data.gauge, planes_hold_frame=held)
     return replace(problem, frozen=frozen_columns(data, problem, e))
 
 

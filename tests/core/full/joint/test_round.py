@@ -147,6 +147,28 @@ def test_what_the_settings_hold_does_not_move(half: Half, settings: CalibrateSet
     assert (after.estimate.gravity != off.gravity).any()
 
 
+def test_links_about_one_estimate_are_made_once_and_about_another_anew(half: Half) -> None:
+    """With the priors and the frame of who asks. Mutations: what was made last given for any estimate; made each time; the priors
+    of who asked first; the noise of another run left out of what it is of.
+    """
+    data, state = half.data, half.state
+    first = problem_of(data, state)
+    priors = replace(state.priors, held=())
+    again = problem_of(replace(data, gauge=data.gauge + 1), replace(state, priors=priors, rounds=7))
+    assert again.links is first.links
+    assert again.priors is priors
+    assert again.gauge_knot == data.gauge + 1
+    e = state.estimate
+    turned = replace(state, estimate=replace(e, gyro_bias=e.gyro_bias + 0.01))
+    other = problem_of(data, turned)
+    assert np.abs(other.links.DR - first.links.DR).max() > 1e-6
+    np.testing.assert_array_equal(problem_of(data, state).links.DR, first.links.DR)
+    density = data.run.noise.density
+    twice = replace(density, gyro_rad_s_sqrt_hz=2.0 * density.gyro_rad_s_sqrt_hz)
+    noisy = replace(data, run=replace(data.run, noise=replace(data.run.noise, density=twice)))
+    assert np.abs(problem_of(noisy, state).links.sqrt_info - first.links.sqrt_info).max() > 0.0
+
+
 @pytest.mark.parametrize("along_valleys", [False, True])
 def test_a_descent_goes_along_valleys_where_it_is_asked_to(
     half: Half, monkeypatch: pytest.MonkeyPatch, along_valleys: bool
