@@ -235,7 +235,7 @@ def test_the_stages_of_the_full_method_are_a_staircase():
                 )
 
 
-@pytest.mark.parametrize(("file", "function", "least"), [("calibrate", "calibrate_full", 6), ("attempts", "judged", 2)])
+@pytest.mark.parametrize(("file", "function", "least"), [("calibrate", "by_planes", 6), ("attempts", "judged", 2)])
 def test_the_page_enters_the_stages_in_their_order(file, function, least):
     """From top to bottom, each once; records may be made before they are of use. Mutations: ask assess/ whether the lidar moved
     before initialise/ is entered; the answer made before planes are judged in joint/.
