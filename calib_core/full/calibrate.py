@@ -3,8 +3,8 @@
     clocks, noise -> planes of the clearest scan -> lidar-only motion -> time offset, rotation, gravity, lever arm
     -> joint estimation, coarse to fine, over all that the recording holds -> what of it is known, and whether it can be
 
-Every stage refuses (`Refused`) what it cannot give, in a sentence for a person. The page itself is `by_planes`; around it, all planes
-stand in for a choice that gives no answer.
+Every stage refuses (`Refused`) what it cannot give, in a sentence for a person. The page itself is `by_planes`; around it, all
+planes stand in for a choice that gives no answer.
 """
 
 from __future__ import annotations
