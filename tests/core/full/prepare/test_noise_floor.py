@@ -77,7 +77,8 @@ def test_a_road_that_shakes_in_a_band_is_no_noise(band_hz: tuple[float, float], 
     """Wheels on cobbles, a hundred times the noise in a band, whose top is flat: what lies below it says that this is none.
 
     Unit noise at 400 Hz, with and without a filter at 50 Hz, of which the end of the spectrum would say a twentieth: no more than
-    half again, as the band has a foot, and no less than 0.9. Mutations: the floor may lie above what is seen below it (60 times); the least of all frequencies.
+    half again, as the band has a foot, and no less than 0.9. Mutations: the floor may lie above what is seen below it (60
+    times); the least of all frequencies.
     """
     rate_hz = 400.0
     t = np.arange(int(25 * rate_hz)) / rate_hz
