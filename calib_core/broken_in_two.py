@@ -67,7 +67,8 @@ def agrees_with_itself(answer: Answer, recording: Recording) -> bool:
     if answer.evidence is None:
         return False
     blocks = answer.evidence.parts.time_blocks
-    return misfit(blocks, turning_within(blocks, recording, answer.time_offset_ns)) < CLOCK_STEP.misfit
+    turning_rad_s = turning_within(blocks, recording, answer.time_offset_ns)
+    return misfit(blocks, turning_rad_s, at_once=answer.at_once) < CLOCK_STEP.misfit
 
 
 def disagrees(log: MessageLog) -> bool:
@@ -80,7 +81,8 @@ def _clock_step_of(answer: Answer, recording: Recording) -> Sides | None:
     if answer.evidence is None:
         return None
     blocks = answer.evidence.parts.time_blocks
-    return clock_step(blocks, turning_within(blocks, recording, answer.time_offset_ns))
+    turning_rad_s = turning_within(blocks, recording, answer.time_offset_ns)
+    return clock_step(blocks, turning_rad_s, at_once=answer.at_once)
 
 
 def _between(span_s: tuple[float, float]) -> str:

@@ -40,6 +40,7 @@ class Answer:
     rms_m: point to plane, of all points used.   planes: in the map frame.   remarks: messages that stand behind those of the log.
     clock_rate_ppm: value and standard deviation.   time_offset_at_s: lidar time at which the time offset holds,
     from the first of the scans that the method was given.   imu_noise: as it was measured or given, in the document's units.
+    at_once: mean square by which planes that are seen at the same time disagree about the time offset, 1 by chance.
     """
 
     R_imu_lidar: FloatArray
@@ -69,3 +70,4 @@ class Answer:
     time_offset_at_s: float | None = None
     imu_noise: ImuNoise | None = None
     evidence: Evidence | None = None
+    at_once: float = 1.0

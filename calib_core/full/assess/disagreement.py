@@ -24,9 +24,10 @@ from calib_core.full.assess.influence import FactorInfluences, Influences, facto
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.state import CALIBRATION, Estimate
+from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, Estimate
 from calib_core.full.joint.undetermined import UNDETERMINED
 from calib_core.solver.arrow import Eliminated
+from calib_core.solver.information import covariance as inverse_of
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -53,13 +54,14 @@ class Apart:
     points name them, "lasers".
 
     covariance: (7, 7) of the joint answer, the priors' share included, in units of 1 deg, 10 mm, 1 ms.   edges_s: (B + 1,)
-    ends of the stretches of time, the IMU's clock.   ranges_m: (3,) nearest, middle and farthest.
+    ends of the stretches of time, the IMU's clock.   ranges_m: (3,) nearest, middle and farthest.   at_once: as `planes_at_once`.
     """
 
     clusters: dict[str, Influences]
     covariance: FloatArray
     edges_s: FloatArray
     ranges_m: FloatArray
+    at_once: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,13 @@ class _Ways:
     plane: IntArray
     planes: int
     space: dict[str, IntArray]
+
+    def at_once(self) -> tuple[IntArray, IntArray]:
+        """Which plane in which stretch of time each bin is of, (B,) from 0, and of each of these `planes` times the stretch's
+        number and the plane's.
+        """
+        number, which = np.unique(self.block[self.knot] * self.planes + self.plane, return_inverse=True)
+        return which, number
 
     def clusters(self, of: FactorInfluences) -> dict[str, Influences]:
         """Each way of it."""
@@ -102,7 +111,32 @@ def take_apart(
     ways, ranges_m = _ways(problem, estimate)
     knots_s = problem.readings.knots_s
     starts_s = knots_s[np.minimum(np.searchsorted(ways.block, np.arange(PARTS.time_blocks)), len(knots_s) - 1)]
-    return Apart(ways.clusters(of), of.covariance, np.append(starts_s, knots_s[-1]), ranges_m)
+    of_planes, number = ways.at_once()
+    at_once = planes_at_once(of.bins.summed(of_planes, len(number)), number // ways.planes, of.covariance)
+    return Apart(ways.clusters(of), of.covariance, np.append(starts_s, knots_s[-1]), ranges_m, at_once)
+
+
+def planes_at_once(clusters: Influences, block: IntArray, joint: FloatArray) -> float:
+    """By how much planes that are seen at the same time contradict each other about the time offset: mean square, 1 by chance.
+
+    No clock does that, whatever it does to stretches of time; walls that are not flat do it to both alike. A stretch b that
+    asks for the shift s_b of the time offset pulls it by g_k s_b through the plane k, g = (P_k C^-1) of the time offset:
+
+        chi^2 = sum_bk (u_k - g_k s_b)^2 / P_k,      one less to each stretch than it has planes
+
+    clusters: of each plane in each stretch.   block: (K,) which stretch that is.   joint: (7, 7) as in `Apart`.
+    """
+    allowed, moved = clusters.allowed[:, TIME_OFFSET], clusters.moved[:, TIME_OFFSET]
+    free = np.flatnonzero(np.diag(joint) > 0.0)
+    seen = allowed[:, TIME_OFFSET] > 0.0
+    if TIME_OFFSET not in free or not seen.any():
+        return 1.0
+    told = inverse_of(joint[np.ix_(free, free)]).matrix[:, np.flatnonzero(free == TIME_OFFSET)[0]]
+    _, stretch = np.unique(block[seen], return_inverse=True)
+    weight, felt, pull = 1.0 / allowed[seen, TIME_OFFSET], (allowed[:, free] @ told)[seen], moved[seen]
+    asked = np.bincount(stretch, weight * felt * pull) / np.bincount(stretch, weight * felt**2)
+    left = float(np.sum(weight * (pull - felt * asked[stretch]) ** 2))
+    return left / max(len(stretch) - len(asked), 1)
 
 
 def unexplained_variance(

@@ -120,6 +120,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         time_offset_at_s=run.clocks.middle_s,
         imu_noise=noise_used(run),
         evidence=evidence(run, solved, trust, lidar),
+        at_once=trust.apart.at_once,
     )
 
 

@@ -6,6 +6,10 @@ spectrum is looked at in stretches of ten hertz from below. In each its lower pa
 lines: the mean of those that chi-square's law allows, truncated where the lines begin. The first stretch that goes on as low
 as it begins is the floor; one that falls is still motion.
 
+A road shakes a rig in no lines but in a band, whose rise and top go on as low as they begin, too. A sensor's filter lets noise
+pass less and less as frequency grows, never more. So the floor is nowhere above what is seen anywhere below it, motion
+included: between what a hand does and what a road does lies a valley.
+
 Slepian tapers of six half bandwidths keep a line's or the motion's power (seventy decibels above the noise) to its own place.
 """
 
@@ -72,10 +76,23 @@ def noise_floor(stamps_s: FloatArray, values: FloatArray, *, lowest_hz: float) -
             lower, upper = (float(part[kept].mean()) for part, kept in halves)
             chance = np.sqrt(sum(2.0 / spectrum.freedom_of(int(kept.sum())) for _, kept in halves))
             if np.log(lower / upper) < np.log(SPECTRUM.fall) + SPECTRUM.fall_sigmas * chance:
-                density[channel] = np.sqrt(level)
+                density[channel] = np.sqrt(min(level, _most_seen(spectrum, channel, half_width_hz, low_hz)))
                 std[channel] = np.sqrt(0.5 / spectrum.freedom_of(int(noise.sum())))
                 break
     return Floor(density, std)
+
+
+def _most_seen(spectrum: _Spectrum, channel: int, first_hz: float, below_hz: float) -> float:
+    """The most that noise's power can be beyond a frequency: the least that there is below it, as far as chance leaves that open.
+
+    As wide a part of the spectrum is looked at as has to be noise of a stretch. inf where there is none below.
+    """
+    inside = (spectrum.hz >= first_hz) & (spectrum.hz < below_hz)
+    power, width = spectrum.power[inside, channel], round(SPECTRUM.least_noise * SPECTRUM.stretch_hz / spectrum.hz[1])
+    if len(power) < width:
+        return np.inf
+    means = np.convolve(power, np.full(width, 1.0 / width), "valid")
+    return float(means.min() * np.exp(SPECTRUM.fall_sigmas * np.sqrt(2.0 / spectrum.freedom_of(width))))
 
 
 def _evenly(stamps_s: FloatArray, values: FloatArray, period: float) -> FloatArray:

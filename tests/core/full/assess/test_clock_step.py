@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calib_core import calibrate as page
 from calib_core.calibrate import calibrate
+from calib_core.full.assess import disagreement
 from calib_core.full.assess.clock_step import clock_step, misfit, turning_within
+from calib_core.full.assess.disagreement import planes_at_once
+from calib_core.full.assess.influence import Influences
 from calib_core.result import TimeBlock
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
@@ -83,6 +87,43 @@ def test_disagreement_that_no_step_explains_stays_what_it_is() -> None:
     offsets = 1e-3 * np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
     assert misfit(_blocks(offsets)) > 500.0
     assert clock_step(_blocks(offsets)) is None
+
+
+def test_a_step_counts_beside_what_planes_disagree_about_at_the_same_time() -> None:
+    """Walls that are not flat pull stretches of time apart, too. Mutations: they are not asked; less than chance makes a step."""
+    offsets = _noise(3) + 2e-3 * (np.arange(8) > 3)
+    beyond = misfit(_blocks(offsets))
+    assert 80.0 < beyond < 400.0
+    assert clock_step(_blocks(offsets), at_once=1.5) is not None
+    assert clock_step(_blocks(offsets), at_once=15.0) is None
+    assert misfit(_blocks(offsets), at_once=15.0) == pytest.approx(beyond / 15.0)
+    assert misfit(_blocks(offsets), at_once=0.2) == pytest.approx(beyond)
+
+
+def test_what_planes_disagree_about_at_the_same_time() -> None:
+    """Five planes in each of eight stretches, pulls drawn by their own law: mean square 1, whatever each stretch asks for. Walls
+    that ask for other offsets, each the same in all of them, show. Oracle: the draws.
+
+    Mutations: one shift for all stretches; the pulls as they are; weights that are standard deviations.
+    """
+    rng = np.random.default_rng(8)
+    block, plane = np.divmod(np.arange(40), 5)
+    root = rng.normal(size=(40, 7, 9)) * rng.uniform(0.2, 2.0, (40, 1, 1))
+    allowed = root @ np.swapaxes(root, 1, 2)
+    inverse = np.linalg.inv(joint := allowed.sum(axis=0))
+
+    def found(shifts: FloatArray) -> float:
+        drawn = (root @ rng.normal(size=(40, 9, 1)))[..., 0]
+        return planes_at_once(Influences(drawn + shifts[:, None] * (allowed @ inverse)[:, :, 6], allowed), block, joint)
+
+    chance = np.sqrt(2.0 / 32.0 / 100.0)
+    for asked in (0.0, 1e3):
+        squares = [found(asked * rng.normal(size=8)[block]) for _ in range(100)]
+        assert np.mean(squares) == pytest.approx(1.0, abs=4.0 * chance)
+    assert found(1e3 * rng.normal(size=5)[plane]) > 30.0
+    held = joint.copy()
+    held[6] = held[:, 6] = 0.0
+    assert planes_at_once(Influences(np.ones((40, 7)), allowed), block, held) == 1.0
 
 
 def test_a_stretch_that_tells_no_time_has_no_say() -> None:
@@ -169,6 +210,29 @@ def test_a_recording_whose_clock_was_set_is_answered_by_its_longer_part(recorded
     assert result.time_offset_s == pytest.approx(truth.time_offset_ns * 1e-9 - 5e-3, abs=4.0 * std[6])
     off = np.array(result.T_imu_lidar.translation_m) - truth.p_imu_lidar
     assert np.linalg.norm(off) < 4.0 * np.linalg.norm(std[3:6])
+
+
+def test_walls_that_disagree_at_the_same_time_are_no_clock(
+    recorded: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As rough ones of a mine did. Planes of a room whose clock is set do not, so that they are made to here. Mutations: the
+    answer does not have it; it is not asked.
+    """
+    recording, _ = recorded
+    imu = recording.imu
+    later = np.where(np.arange(len(imu.stamps_ns)) > 0.4 * len(imu.stamps_ns), 5_000_000, 0)
+    spoilt = replace(recording, imu=replace(imu, stamps_ns=imu.stamps_ns + later))
+    seen = list[float]()
+
+    def apart(*given: Any) -> float:
+        seen.append(planes_at_once(*given))
+        return 1e4
+
+    monkeypatch.setattr(disagreement, "planes_at_once", apart)
+    settings = CalibrateSettings(intrinsics="off", points_per_plane_per_scan=100, crispness=False)
+    result = calibrate(spoilt, settings).result
+    assert "clock.set" not in {message.code for message in result.messages}
+    assert max(seen) < 3.0
 
 
 def test_a_clock_that_was_set_is_told_where_no_side_alone_answers(

@@ -71,6 +71,28 @@ def test_readings_that_are_missing_are_no_noise() -> None:
     assert np.sqrt(np.mean(found.density**2)) * np.sqrt(200.0) == pytest.approx(1.0, abs=0.12)
 
 
+@pytest.mark.parametrize("filtered", [False, True])
+@pytest.mark.parametrize("band_hz", [(14.0, 38.0), (20.0, 70.0)])
+def test_a_road_that_shakes_in_a_band_is_no_noise(band_hz: tuple[float, float], filtered: bool) -> None:
+    """Wheels on cobbles, a hundred times the noise in a band, whose top is flat: what lies below it says that this is none.
+
+    Unit noise at 400 Hz, with and without a filter at 50 Hz, of which the end of the spectrum would say a twentieth: no more than
+    half again, as the band has a foot, and no less than 0.9. Mutations: the floor may lie above what is seen below it (60
+    times); the least of all frequencies.
+    """
+    rate_hz = 400.0
+    t = np.arange(int(25 * rate_hz)) / rate_hz
+    rng = np.random.default_rng(4)
+    noise, shaking = rng.normal(size=(2, len(t) + 400, CHANNELS))
+    if filtered:
+        noise = sosfilt(butter(2, 50.0, fs=rate_hz, output="sos"), noise, axis=0)
+    shaking = sosfilt(butter(6, band_hz, "bandpass", fs=rate_hz, output="sos"), shaking, axis=0)
+    readings = (noise + 100.0 * shaking)[400:] + _motion(t)
+    found = noise_floor(t, readings, lowest_hz=8.0).density * np.sqrt(rate_hz)
+    assert (found > 0.9).all()
+    assert (found < 1.5).all()
+
+
 @pytest.mark.parametrize("standing", [True, False])
 def test_an_engine_makes_readings_wider_but_not_their_density(standing: bool) -> None:
     """Density to 12 %, sample deviation with the shaking in it. Mutations: the density of all frequencies; of the floor."""
