@@ -46,7 +46,7 @@ def told_once(
     of_scans: WeakKeyDictionary[KeptScans, dict[bytes, _Told]] = WeakKeyDictionary()
 
     @wraps(function)
-    def told(scans: Sequence[Scan], *args: _Asked.args, **kwargs: _Asked.kwargs) -> _Told:
+    def told(scans: Sequence[Scan], /, *args: _Asked.args, **kwargs: _Asked.kwargs) -> _Told:
         if not isinstance(scans, KeptScans):
             return function(scans, *args, **kwargs)
         known = of_scans.setdefault(scans, {})

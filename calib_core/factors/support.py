@@ -125,23 +125,35 @@ class ExtentSurvey:
         count_kernel(plane, cell, on_plane, off, self.on, self.beside, self.off, self.box)
 
     def finish(
-        self, within: BoolArray | None = None, *, least: int = 8, share: float = 0.75, island: float = 0.02
+        self,
+        within: BoolArray | None = None,
+        *,
+        aloof: bool = False,
+        least: int = 8,
+        share: float = 0.75,
+        island: float = 0.02,
     ) -> PlaneExtents:
         """The cells with at least `least` returns of which `share` lie on the plane, without islands.
 
         within: (P, rows, columns) from `cells_within`; what was seen of a plane elsewhere is as if it had not been.
+        aloof: leave out the cells beside those where less than `share` of as many lie on the plane, too. What stands there
+        reaches into them by less than any mean tells, the more the less the motion is known.
 
         An island is a patch, apart from the others, with less than this share of the plane's returns: where a pot stands on
         the ground, its foot lies on the ground's plane too, and nothing but its foot is seen there.
         """
         inside = np.zeros(self.on.shape, bool)
         for plane, (top, left, bottom, right) in enumerate(self.box):
-            box = slice(top, bottom + 1), slice(left, right + 1)  # a plane fills a small part of its grid
+            # A plane fills a small part of its grid; what stands beside it may be seen a cell further.
+            box = slice(max(top - 1, 0), bottom + 2), slice(max(left - 1, 0), right + 2)
             on, beside = self.on[plane][box].astype(np.int64), self.beside[plane][box]
             seen = on >= least if within is None else (on >= least) & within[plane][box]
             flat = seen & (on >= share * (on + beside)) & (np.abs(self.off[plane][box]) <= on)
             off = _off_the_others(self.off[plane][box], on, flat, self.return_std)
-            flat &= ~scipy.ndimage.binary_dilation(off & flat, _CROSS)
+            apart = off & flat
+            if aloof:
+                apart |= (on + beside >= least) & (on < share * (on + beside))
+            flat &= ~scipy.ndimage.binary_dilation(apart, _CROSS)
             if flat.any():
                 inside[plane][box] = _without_islands(flat, on, island)
         inside[:, [0, -1], :] = False

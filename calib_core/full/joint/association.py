@@ -9,6 +9,7 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, NearHits, as_sieved, near_hits, select
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
+from calib_core.full.joint.doubt import face_three_ways
 from calib_core.full.joint.many_scans import OnScans, ignore, one_after_another, over_batches, over_scans
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.settings import SURVEYING
@@ -94,4 +95,5 @@ def survey(
 
     for near in one_after_another(view, positions, stride, some):
         total.add(near.plane, near.cell, near.on_plane, near.off)
-    return total.finish(within)
+    # Along a way that planes leave open the motion drifts, and what stands before a wall's end with it, into its cells.
+    return total.finish(within, aloof=not face_three_ways(view.estimate.normals))

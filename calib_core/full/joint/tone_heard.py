@@ -17,23 +17,30 @@ from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
 
 
-def is_heard(data: JointData, state: Estimation, slow_hz: float) -> bool:
-    """Of the last of a state's tones: whether gyroscope or accelerometer has read about as much there.
-
-    Up to slow_hz, where hands move, it has to be in the readings of a standstill too, unless an engine is heard anyway.
-    """
-    hz, values = state.nuisance.tones_hz[-1], state.estimate.sensors.tones()[-1]
-    at = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
-    added = tone_readings(hz, values, at.knots_s, at.at_knots)
+def is_heard(data: JointData, state: Estimation) -> bool:
+    """Of the last of a state's tones: whether gyroscope or accelerometer has read about as much there."""
+    hz, _, added = _claimed(data, state)
     claimed = np.sqrt(2.0 * np.mean(added.reshape(-1, 2, 3) ** 2, axis=0).sum(axis=1))
     imu, imu_s = data.run.recording.imu, data.run.clocks.imu_s
     mine = (imu_s >= data.readings.knots_s[0]) & (imu_s <= data.readings.knots_s[state.knots - 1])
     read = np.stack([loudest_near(imu_s[mine], channels[mine], hz) for channels in (imu.gyro_rad_s, imu.accel_m_s2)])
-    if not (claimed < HEARING.times * read).any():
-        return False
-    return (
-        data.run.noise.shaken or hz > slow_hz or is_in_standstill(data, at.knots_s + state.nuisance.tones_zero_s, added)
-    )
+    return bool((claimed < HEARING.times * read).any())
+
+
+def goes_on_at_rest(data: JointData, state: Estimation, slow_hz: float) -> bool:
+    """Of the last of a state's tones: whether the readings of a standstill may have it too.
+
+    Asked up to slow_hz, where hands move, and where no engine is heard anyway: a rotor that starts later shakes faster.
+    """
+    hz, knots_s, added = _claimed(data, state)
+    return data.run.noise.shaken or hz > slow_hz or is_in_standstill(data, knots_s, added)
+
+
+def _claimed(data: JointData, state: Estimation) -> tuple[float, FloatArray, FloatArray]:
+    """Of the last of a state's tones: its frequency [Hz], the knots (K,) [s, IMU clock], what it adds to the readings (K, 6)."""
+    hz, values = state.nuisance.tones_hz[-1], state.estimate.sensors.tones()[-1]
+    at = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
+    return hz, at.knots_s + state.nuisance.tones_zero_s, tone_readings(hz, values, at.knots_s, at.at_knots)
 
 
 def is_in_standstill(data: JointData, knots_s: FloatArray, claimed: FloatArray) -> bool:

@@ -24,7 +24,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered, one_round
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.tone_choice import Explaining, explaining
-from calib_core.full.joint.tone_heard import is_heard
+from calib_core.full.joint.tone_heard import goes_on_at_rest, is_heard
 from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
 
@@ -79,8 +79,10 @@ def admit_tones(
         if is_hump(data, state, found[0].hz, rules):
             return without_tones(data, state, round_, sampling)
         after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
-        if not is_heard(data, after, rules.slow_hz):
+        if not is_heard(data, after):
             break
+        if not goes_on_at_rest(data, after, rules.slow_hz):
+            return without_tones(data, state, round_, sampling)
         left = found_tones(data, after, rules, round_, sampling, least=least, loud=loud)
         if left and left[0].decrease > found[0].decrease:
             break
@@ -103,7 +105,9 @@ def admit_rest(
     if is_the_motions(data, state, found, rules):
         return state
     after = told(data, with_tone(data, state, found[0].hz, rules), round_, sampling)
-    return after if is_heard(data, after, rules.slow_hz) else state
+    if not is_heard(data, after):
+        return state
+    return after if goes_on_at_rest(data, after, rules.slow_hz) else without_tones(data, state, round_, sampling)
 
 
 def is_the_motions(data: JointData, state: Estimation, found: Sequence[Explaining], rules: Tones) -> bool:

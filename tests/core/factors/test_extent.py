@@ -186,6 +186,28 @@ def test_cells_that_lie_off_the_others_are_left_out() -> None:
     assert inside((noise + np.where(column == 510, 0.5, 0.0))[few]).all()
 
 
+def test_cells_beside_what_is_mostly_anothers_are_left_out_where_asked() -> None:
+    """A wall that nobody chose meets one that was: of the last cell's returns a fiftieth are the other's, which no mean tells,
+    and about a shelf as many are its. Where nothing was seen, or too little to say, a wall simply ends.
+
+    Seen: two walls of a room chosen, and an answer 2.5 of its sigmas off with others' returns from their ends. Mutations: no such
+    rule; asked or not; asked of cells with returns on the plane alone; too few told for others'; corners' neighbours go as well.
+    """
+    wall = np.array([[500 + i, 500 + j] for i in range(9) for j in range(9)])
+    shelf, beyond, few = np.array([[504, 504]]), np.array([[500 + i, 509] for i in range(9)]), np.array([[499, 502]])
+    cell = np.repeat(np.concatenate([wall, shelf, beyond, few]), [40] * 81 + [40] + [8] * 9 + [7], axis=0)
+    on = np.repeat([True, False], [81 * 40, 40 + 9 * 8 + 7])
+    survey = ExtentSurvey.empty(NORMALS[:1])
+    survey.add(np.zeros(len(cell), np.int64), cell, on, np.zeros(len(cell)))
+    expected = np.zeros((11, 11), bool)
+    expected[1:10, 1:10] = True
+    expected[5, 5] = False
+    np.testing.assert_array_equal(survey.finish().inside[0, 499:510, 499:510], expected)
+    expected[:, 9] = False
+    expected[5, 4:7] = expected[4:7, 5] = False
+    np.testing.assert_array_equal(survey.finish(aloof=True).inside[0, 499:510, 499:510], expected)
+
+
 def test_in_a_gate_with_room_a_return_is_a_smaller_part_of_it() -> None:
     """So the mean of as many says more: of 400 returns of a third of the unit each, a mean of 0.115 is seven standard deviations.
 

@@ -15,7 +15,7 @@ from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.state import no_bins
 from calib_core.full.joint.tone_choice import Explaining
-from calib_core.full.joint.tone_heard import is_heard, is_in_standstill, loudest_near
+from calib_core.full.joint.tone_heard import goes_on_at_rest, is_heard, is_in_standstill, loudest_near
 from calib_core.full.joint.tones import admit_rest, admit_tones, with_tone
 from tests.core.full.joint.conftest import Half
 
@@ -46,7 +46,7 @@ def test_what_is_taken_out_of_readings_is_in_them(half: Half, claimed: float, re
     """Either sensor's suffices: what the other one adds is hardly known. Mutations: asked at another frequency; the gyroscope's
     alone; less than what was read told for none."""
     shaken = _shaken(half, read)
-    assert is_heard(shaken.data, _toned(half, claimed), FULL.tones.slow_hz) == heard
+    assert is_heard(shaken.data, _toned(half, claimed)) == heard
 
 
 @pytest.mark.parametrize(
@@ -93,9 +93,11 @@ def test_a_slow_tone_goes_on_through_a_standstill(
     assert is_in_standstill(data, knots_s, tone)
 
 
-@pytest.mark.parametrize(("slow_hz", "shaken", "heard"), [(30.0, False, False), (30.0, True, True), (2.0, False, True)])
+@pytest.mark.parametrize(
+    ("slow_hz", "shaken", "goes_on"), [(30.0, False, False), (30.0, True, True), (2.0, False, True)]
+)
 def test_only_what_is_as_slow_as_a_hand_is_looked_for_in_a_standstill(
-    half: Half, slow_hz: float, shaken: bool, heard: bool, monkeypatch: pytest.MonkeyPatch
+    half: Half, slow_hz: float, shaken: bool, goes_on: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A rotor that starts later shakes faster. Mutations: whatever its frequency; an engine that is heard; never; at the wrong
     time."""
@@ -103,7 +105,7 @@ def test_only_what_is_as_slow_as_a_hand_is_looked_for_in_a_standstill(
     knots_s = loud.data.readings.knots_s
     monkeypatch.setattr(tone_heard, "is_in_standstill", lambda _, at_s, __: not np.allclose(at_s, knots_s[: len(at_s)]))
     run = replace(loud.data.run, noise=replace(loud.data.run.noise, shaken=shaken))
-    assert is_heard(replace(loud.data, run=run), _toned(half, 5.0), slow_hz) == heard
+    assert goes_on_at_rest(replace(loud.data, run=run), _toned(half, 5.0), slow_hz) == goes_on
 
 
 @pytest.mark.parametrize("away_hz", [0.0, 0.6, -0.9, 3.0])
@@ -132,6 +134,25 @@ def test_neither_gravity_nor_a_sway_passes_for_a_slow_tone(beside_m_s2: float, n
     told = loudest_near(times_s, accel, 2.0)
     assert told == pytest.approx(0.3, rel=0.03) if near else told < 0.003
     assert loudest_near(times_s, accel[:, 2:], 0.9) < 0.003
+
+
+def test_a_slow_tone_that_is_not_in_a_standstill_is_left_in_the_readings(
+    half: Half, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As what happens once is: the error bars count it. Mutations: admitted all the same, while planes are judged or at rest; the
+    search merely ends."""
+    monkeypatch.setattr(
+        tones, "found_tones", lambda _, state, *__, **___: [] if state.untuned else [Explaining(HZ, 900.0)]
+    )
+    monkeypatch.setattr(tones, "told", lambda _data, state, *_: _toned(half, 5.0) if state.nuisance.tones_hz else state)
+    monkeypatch.setattr(tones, "goes_on_at_rest", lambda *_: False)
+    loud, rules = _shaken(half, 5.0).data, FULL.tones
+    for after in (
+        admit_tones(loud, half.state, rules, FULL.sensors, FULL.sampling, least=50.0),
+        admit_rest(loud, half.state, rules, FULL.sensors, FULL.sampling, no_bins(0.0)),
+    ):
+        assert after.untuned
+        assert after.nuisance.tones_hz == ()
 
 
 def test_a_tone_that_nobody_read_is_not_admitted(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:

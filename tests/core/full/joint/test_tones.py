@@ -338,6 +338,7 @@ def test_what_explains_little_more_than_others_all_along_is_no_tone(
     monkeypatch.setattr(tones, "found_tones", lambda *_, **__: best)
     monkeypatch.setattr(tones, "told", lambda _data, state, *_: state)
     monkeypatch.setattr(tones, "is_heard", lambda *_: True)
+    monkeypatch.setattr(tones, "goes_on_at_rest", lambda *_: True)
     bins: Any = None
     after = admit_rest(data, half.state, RULES, FULL.sensors, FULL.sampling, bins)
     assert after.nuisance.tones_hz == (() if the_motions else (found[0][0],))
