@@ -56,8 +56,8 @@ def calibrate_full(
         except Refused:
             say_again()
             raise failed from None
-        why, _, _ = str(failed).partition(";")  # without what to do
-        text = f"by the planes chosen there is no answer: {why}; it is by all that were found instead"
+        why = str(failed).partition(";")[0].replace("the planes chosen", "they", 1)  # without what to do
+        text = f"the planes chosen give no answer ({why}); it is by all that were found instead"
         run.say("warning", "planes.instead", f"{text}: see which these are, or choose walls, floor and ceiling")
         return answer
 

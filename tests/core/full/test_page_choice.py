@@ -130,7 +130,7 @@ def test_where_a_choice_gives_no_answer_all_that_were_found_count(monkeypatch: p
 
     Seen: a lawn that rolls by 2 cm among three planes chosen, nothing but a refusal, and an answer within its sigmas by all.
     Mutations: never; beside what the chosen planes had said; for any refusal; beside planes that are held; the refusal of the
-    others told; nothing said of it; what to do with the choice said too; boxes are asked again by hand.
+    others told; nothing said of it; boxes are asked again by hand.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names = ["floor", "wall"]
@@ -152,6 +152,30 @@ def test_where_a_choice_gives_no_answer_all_that_were_found_count(monkeypatch: p
     assert counted(monkeypatch, GIVEN, still, found=names, of=2) == (by_choice, [], "motion.none")
     held = counted(monkeypatch, GIVEN, boxes, found=names, of=2, held=True)
     assert held == (by_choice, [], "planes.doubtful")
+
+
+def test_what_is_wrong_with_a_choice_is_said_in_one_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without what to do about it alone. Mutations: the cure said too; the choice named twice."""
+    asked: list[object] = []
+
+    def by_planes(_run: Run, planes: object, *_: object) -> str:
+        asked.append(planes)
+        if planes is not None:
+            raise Refused(
+                "planes.doubtful", "the planes chosen do not hold the motion: they face two ways; choose walls"
+            )
+        return "right"
+
+    told: list[str] = []
+    unused: Any = None
+    log = MessageLog(lambda event: told.append(getattr(event, "text", "")), [])
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, log, unused, log=log)
+    monkeypatch.setattr(page, "by_planes", by_planes)
+    answer: Any = page.calibrate_full(run, GIVEN, None)
+    assert answer == "right"
+    assert asked == [GIVEN, None]
+    text = "the planes chosen give no answer (they do not hold the motion: they face two ways); it is by all that were found"
+    assert told == [f"{text} instead: see which these are, or choose walls, floor and ceiling"]
 
 
 def test_proposals_that_are_no_planes_of_their_own_are_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
