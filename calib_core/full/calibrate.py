@@ -33,6 +33,13 @@ from calib_core.types import FloatArray, InitialGuess, Plane
 _OF_PLANES = frozenset({"planes", "start", "solve"})
 
 
+class ByChoice(Refused):
+    """A choice of planes, by hand or what is left of a suggestion, gives no answer; code and text are the refusal's."""
+
+    def __init__(self, refused: Refused) -> None:
+        super().__init__(refused.code, str(refused))
+
+
 def calibrate_full(
     run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None = None
 ) -> Answer:
@@ -46,8 +53,9 @@ def calibrate_full(
     try:
         return by_planes(run, planes, guess, cache_dir)
     except Refused as failed:
+        by_hand = any(not plane.suggested for plane in planes or ())
         is_held = not run.settings.estimate_planes  # the frame is theirs
-        if planes is None or is_held or failed.code.partition(".")[0] not in _OF_PLANES:
+        if not (by_hand or isinstance(failed, ByChoice)) or is_held or failed.code.partition(".")[0] not in _OF_PLANES:
             raise
         say_again = run.attempt()
         unsay()
@@ -78,7 +86,10 @@ def by_planes(run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | No
     # Only without a choice the map may be another scan's.
     choice = choice_among(followed.proposals, planes) if followed.proposals else None
     if choice is not None:
-        return of_choice(run, replace(of_found, followed=followed), choice, of_found, kept, up)
+        try:
+            return of_choice(run, replace(of_found, followed=followed), choice, of_found, kept, up)
+        except Refused as refused:
+            raise ByChoice(refused) from refused
     for plane in lost(followed):
         _say_merged(run, plane)
     every = [replace(plane, suggested=True) for plane in followed.planes]

@@ -126,11 +126,11 @@ def test_planes_that_nobody_chose_may_be_left_out(monkeypatch: pytest.MonkeyPatc
 
 def test_where_a_choice_gives_no_answer_all_that_were_found_count(monkeypatch: pytest.MonkeyPatch) -> None:
     """Said, with why the choice gives none, and without what its own attempts said; where they give none either, the choice is
-    why. Planes that are held stand, and so does what is wrong with the readings.
+    why. Planes that are held stand, and so does what is wrong with the readings; what is no choice is not tried twice.
 
     Seen: a lawn that rolls by 2 cm among three planes chosen, nothing but a refusal, and an answer within its sigmas by all.
     Mutations: never; beside what the chosen planes had said; for any refusal; beside planes that are held; the refusal of the
-    others told; nothing said of it; boxes are asked again by hand.
+    others told; nothing said of it; boxes are asked again by hand; a suggestion tried twice; what is left of one not again.
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names = ["floor", "wall"]
@@ -147,6 +147,8 @@ def test_where_a_choice_gives_no_answer_all_that_were_found_count(monkeypatch: p
     lost = Refused("planes.too_few", "two planes do not hold a pose")
     neither = ([(CHOSEN, names), by_all], [], "planes.doubtful")
     assert counted(monkeypatch, GIVEN, boxes, lost, found=names, of=2) == neither
+    untouched = counted(monkeypatch, proposed, lost, found=names, of=2)
+    assert untouched == ([by_all], [], "planes.too_few")  # it was by all that were found
     by_choice = [(CHOSEN, names)]
     still = Refused("motion.none", "it stood still")
     assert counted(monkeypatch, GIVEN, still, found=names, of=2) == (by_choice, [], "motion.none")
