@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from calib_core.api import read_imu_noise
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNITS, Block
-from calib_core.presets import LIDAR_PRESETS, find_imu_preset, unknown_imu
+from calib_core.presets import named_imu, named_lidar
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
     PAPER_FIELD_OF_VIEW_DEG,
@@ -136,8 +136,7 @@ def parse_imu_noise(text: str | None) -> ImuNoise | str | None:
     path = Path(text)
     if path.is_file() or len(path.parts) > 1 or path.suffix[1:].isalpha():
         return read_imu_noise(path)
-    if find_imu_preset(text) is None:
-        raise unknown_imu(text)
+    named_imu(text)
     return text
 
 
@@ -156,15 +155,8 @@ def parse_intrinsics(text: str) -> Intrinsics:
 
 
 def parse_lidar(text: str | None) -> str | None:
-    """`--lidar`: a preset's name, or one of the words that it is known by; None: as recognised."""
-    if text is None:
-        return None
-    word = text.lower()
-    for preset in LIDAR_PRESETS:
-        if word == preset.name or word in preset.words:
-            return preset.name
-    names = ", ".join(preset.name for preset in LIDAR_PRESETS)
-    raise SettingsError(f"Expected one of {names} for --lidar, but found `{text}`; give the nearest of these.")
+    """`--lidar`: the preset of the lidar that is named; None: as recognised."""
+    return None if text is None else named_lidar(text).name
 
 
 def parse_prior(text: str) -> Prior:

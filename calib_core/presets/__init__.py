@@ -12,8 +12,9 @@ from calib_core.presets.find import (
     find_imu_prior,
     find_lidar_preset,
     find_lidar_prior,
+    named_imu,
+    named_lidar,
     random_walks,
-    unknown_imu,
 )
 from calib_core.presets.imu import GENERIC_IMU, IMU_PRESETS
 from calib_core.presets.lidar import GENERIC_LIDAR, LIDAR_PRESETS
@@ -32,6 +33,7 @@ __all__ = [
     "find_imu_prior",
     "find_lidar_preset",
     "find_lidar_prior",
+    "named_imu",
+    "named_lidar",
     "random_walks",
-    "unknown_imu",
 ]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TypeVar
 
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR, ImuPrior, LidarPrior
 from calib_core.presets.imu import IMU_PRESETS
-from calib_core.presets.lidar import LIDAR_PRESETS
+from calib_core.presets.lidar import LIDAR_MAKERS, LIDAR_PRESETS
 from calib_core.presets.records import ImuPreset, LidarPreset
 from calib_core.presets.walks import USUAL_WALK
 from calib_core.settings import ImuNoise
 
 _Preset = TypeVar("_Preset", "ImuPreset", "LidarPreset")
+#: What stands between a name and its number: `bmi-088`, `VLP 16`.
+_BEFORE_NUMBER = re.compile(r"(?<=[a-z])[-_\s]+(?=\d)")
 
 
 def find_imu_preset(*texts: str) -> ImuPreset | None:
@@ -21,10 +24,23 @@ def find_imu_preset(*texts: str) -> ImuPreset | None:
     return _find(IMU_PRESETS, texts)
 
 
-def unknown_imu(text: str) -> SettingsError:
-    """What is said of a name that no IMU's preset has."""
-    names = ", ".join(preset.name for preset in IMU_PRESETS)
-    return SettingsError(f"Expected the name of an IMU, one of {names}, but found `{text}`; give the nearest of these.")
+def named_imu(text: str) -> ImuPreset:
+    """The preset of the IMU that a person names. Raises SettingsError where there is none."""
+    found = find_imu_preset(text)
+    if found is None:
+        raise _unknown("an IMU", IMU_PRESETS, text)
+    return found
+
+
+def named_lidar(text: str) -> LidarPreset:
+    """The preset of the lidar that a person names. Raises SettingsError where there is none.
+
+    A topic is content with its maker's usual lidar; a number beside a maker's name means one model, which is not guessed.
+    """
+    found = find_lidar_preset(text)
+    if found is None or not (_names_a_model(found, text) or not re.search(r"\d", text)):
+        raise _unknown("a lidar", LIDAR_PRESETS, text)
+    return found
 
 
 def find_lidar_preset(*texts: str) -> LidarPreset | None:
@@ -57,15 +73,36 @@ def random_walks(imu_noise: ImuNoise | str | None) -> tuple[float, float]:
     return imu_noise.gyroscope_random_walk, imu_noise.accelerometer_random_walk
 
 
+def _unknown(kind: str, presets: Sequence[ImuPreset | LidarPreset], text: str) -> SettingsError:
+    names = ", ".join(preset.name for preset in presets)
+    return SettingsError(f"Expected the name of {kind}, one of {names}, but found `{text}`; give the nearest of these.")
+
+
+def _spellings(text: str) -> tuple[str, ...]:
+    """The ways in which `VLP 16` or `bmi-088` may be among a preset's words: in one, by a hyphen, as written."""
+    lowered = text.strip().lower()
+    return tuple(dict.fromkeys((_BEFORE_NUMBER.sub("", lowered), re.sub(r"\s+", "-", lowered), lowered)))
+
+
+def _names_a_model(preset: LidarPreset, text: str) -> bool:
+    spellings = _spellings(text)
+    models = [word for word in preset.words if word not in LIDAR_MAKERS]
+    return preset.name in spellings or any(_is_in(word, spelling) for word in models for spelling in spellings)
+
+
+def _is_in(word: str, lowered: str) -> bool:
+    """Words count only where no letter or digit runs on before them: "os1" is not in "pos1"."""
+    # Few words are in it at all, and each expression takes a millisecond to compile.
+    return word in lowered and re.search(rf"(?<![a-z0-9]){re.escape(word)}", lowered) is not None
+
+
 def _find(presets: tuple[_Preset, ...], texts: tuple[str, ...]) -> _Preset | None:
     for text in texts:
-        lowered = text.lower()
-        named = next((p for p in presets if p.name == lowered), None)
+        spellings = _spellings(text)
+        named = next((preset for preset in presets if preset.name in spellings), None)
         if named is not None:
             return named
-        # Words count only where no letter or digit runs on before them: "os1" is not in "pos1".
         for preset in presets:
-            # Few words are in it at all, and each expression takes a millisecond to compile.
-            if any(word in lowered and re.search(rf"(?<![a-z0-9]){re.escape(word)}", lowered) for word in preset.words):
+            if any(_is_in(word, spelling) for word in preset.words for spelling in spellings):
                 return preset
     return None

@@ -66,18 +66,18 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
         ("livox", "avia", "horizon"),
     ),
     LidarPreset(
-        "velodyne-vlp16",
-        0.02,
-        _ANALOGUE,
-        "start value; the sheet gives 3 cm typical accuracy; lasers measured on public packets and by OA-LICalib",
-        ("vlp16", "vlp-16", "vlp_16", "puck"),
-    ),
-    LidarPreset(
         "velodyne-vlp32c",
         0.02,
         _ANALOGUE,
         f"start value; the sheet gives 3 cm typical accuracy; {_UNCONFIRMED}, taken as the VLP-16's",
         ("vlp32", "vlp-32", "vlp_32", "ultra_puck"),
+    ),
+    LidarPreset(
+        "velodyne-vlp16",
+        0.02,
+        _ANALOGUE,
+        "start value; the sheet gives 3 cm typical accuracy; lasers measured on public packets and by OA-LICalib",
+        ("vlp16", "vlp-16", "vlp_16", "puck"),
     ),
     LidarPreset(
         "velodyne-hdl32e",
@@ -170,5 +170,10 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
         f"Airy and Helios; unconfirmed; {_UNCONFIRMED}",
         ("rslidar", "robosense", "airy", "helios"),
     ),
+)
+#: Words of makers and their drivers, which say nothing of the model.
+LIDAR_MAKERS = frozenset(
+    {"livox", "hap_", "velodyne", "vlp", "hdl", "vls", "ouster", "os_lidar", "os_sensor"}
+    | {"hesai", "pandar", "rslidar", "robosense"}
 )
 GENERIC_LIDAR = LidarPreset("generic-lidar", 0.03, UNKNOWN_LIDAR, "middle of common sensors", ())

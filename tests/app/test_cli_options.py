@@ -144,13 +144,14 @@ def test_intrinsics_are_a_word_or_blocks() -> None:
 
 
 def test_a_lidar_is_a_preset() -> None:
-    """Fails if a word inside another word names a preset, or an unknown name is taken for the general case (seen: the
-    search for words in topics used here: `velodyne-99` passed)."""
+    """Fails if a word inside another word names a preset, an unknown name is taken for the general case (seen: the search for
+    words in topics used here: `velodyne-99` passed), or a model as its maker writes it is none."""
     assert options.parse_lidar(None) is None
-    assert options.parse_lidar("Velodyne-VLP16") == options.parse_lidar("vlp-16") == "velodyne-vlp16"
+    assert options.parse_lidar("Velodyne-VLP16") == options.parse_lidar("VLP 16") == "velodyne-vlp16"
+    assert options.parse_lidar("OS1-64") == "ouster-os"
     assert options.parse_lidar("os1") == "ouster-os"
     for text in ("", "velodyne-99", "sonar"):
-        with pytest.raises(SettingsError, match=r"livox-mid360, .*robosense for --lidar"):
+        with pytest.raises(SettingsError, match=r"name of a lidar, one of livox-mid360, .*robosense, but found"):
             options.parse_lidar(text)
 
 

@@ -7,6 +7,7 @@ from dataclasses import astuple, fields
 import numpy as np
 import pytest
 
+from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR, ImuPrior, LidarPrior
 from calib_core.presets import (
     IMU_PRESETS,
@@ -16,6 +17,8 @@ from calib_core.presets import (
     find_imu_prior,
     find_lidar_preset,
     find_lidar_prior,
+    named_imu,
+    named_lidar,
     random_walks,
 )
 from calib_core.settings import ImuNoise
@@ -78,6 +81,7 @@ def test_every_preset_has_a_source_and_a_name_of_its_own() -> None:
     ("texts", "expected"),
     [
         (("/velodyne_points", "velodyne"), "velodyne"),
+        (("ultra_puck",), "velodyne-vlp32c"),
         (("vlp16_front",), "velodyne-vlp16"),
         (("VLP-32C",), "velodyne-vlp32c"),
         (("hdl32e",), "velodyne-hdl32e"),
@@ -122,6 +126,44 @@ def test_models_of_one_maker_are_told_apart(text: str, expected: str) -> None:
     found = find_imu_preset(text)
     assert found is not None
     assert found.name == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("os1-64", "ouster-os"),
+        ("Ouster OS-2 128", "ouster-os2"),
+        ("Velodyne VLP 16", "velodyne-vlp16"),
+        ("RS-LiDAR 16", "robosense-16"),
+        ("Helios 5515", "robosense"),
+        ("hesai", "hesai"),
+        ("velodyne-99", None),
+        ("hesai qt128", None),
+        ("robosense-64", None),
+        ("sonar", None),
+        ("", None),
+    ],
+)
+def test_a_lidar_is_named_as_people_write_it(text: str, expected: str | None) -> None:
+    """A number beside a maker's name is a model, which is not guessed. Mutations: one spelling alone; makers as models."""
+    if expected is None:
+        with pytest.raises(SettingsError, match=rf"one of livox-mid360, .*robosense, but found `{text}`"):
+            named_lidar(text)
+    else:
+        assert named_lidar(text).name == expected
+
+
+def test_presets_are_known_by_all_their_words() -> None:
+    """Mutation: the text as written before the ways it may be spelled (`mti-700` is then any of its maker's)."""
+    for preset in LIDAR_PRESETS:
+        assert {named_lidar(text).name for text in (*preset.words, preset.name)} == {preset.name}
+    for imu in IMU_PRESETS:
+        assert {named_imu(text).name for text in (*imu.words, imu.name)} == {imu.name}
+    assert [named_imu(text).name for text in ("ICM 20948", "bmi-270", "MTi 300")] == [
+        "ouster-icm20948",
+        "bosch-bmi270",
+        "xsens-mti-300",
+    ]
 
 
 def test_a_random_walk_is_no_larger_than_its_allan_deviation() -> None:

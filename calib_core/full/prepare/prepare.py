@@ -22,7 +22,7 @@ from calib_core.imu.clipping import clipped, clipped_text
 from calib_core.imu.coarse import coarse_text
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.imu.unclipped import unclipped
-from calib_core.presets import find_imu_preset, unknown_imu
+from calib_core.presets import named_imu, named_lidar
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import IntArray, Recording
 
@@ -55,9 +55,10 @@ def require_order(stamps_ns: IntArray, what: str) -> None:
 def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent, should_cancel: ShouldCancel) -> Run:
     """The run that all stages share: both clocks, when readings were taken, the IMU's noise and interpolation.
 
-    Raises Refused where stamps are out of order, SettingsError for an unknown IMU preset. What is found of the recording on the
-    way is said to on_event. The fit of the interpolation goes on in the background.
+    Raises Refused where stamps are out of order, SettingsError for a sensor of an unknown name. What is found of the recording
+    on the way is said to on_event. The fit of the interpolation goes on in the background.
     """
+    _require_known(settings)
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     require_order(recording.imu.stamps_ns, "IMU readings")
     stamps_ns = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
@@ -99,6 +100,14 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     )  # fmt: skip
 
 
+def _require_known(settings: CalibrateSettings) -> None:
+    """Raises SettingsError where a sensor is named that no preset is of: it would count as any sensor, in silence."""
+    if isinstance(settings.imu_noise, str):
+        named_imu(settings.imu_noise)
+    if settings.lidar is not None:
+        named_lidar(settings.lidar)
+
+
 def _steps(recording: Recording, stamps_ns: IntArray, settings: CalibrateSettings) -> tuple[StampStep, ...]:
     """The steps of stamps and point times that are cut to a clock's ticks, but for those that the settings take as stamped."""
     found: list[StampStep | None] = []
@@ -137,8 +146,6 @@ def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks
     Densities that were given count as they are; where the readings scatter by more, that is said.
     """
     imu, given = recording.imu, settings.imu_noise
-    if isinstance(given, str) and find_imu_preset(given) is None:
-        raise unknown_imu(given)
     level, _ = noise_of(clocks.imu_s, imu)
     measured = np.array([level.density.gyro_rad_s_sqrt_hz[0], level.density.accel_m_s2_sqrt_hz[0]])
     if isinstance(given, ImuNoise):

@@ -221,10 +221,12 @@ def test_cancelling_raises_and_nothing_else(clean: tuple[Recording, Truth], poll
     assert asked[0] == polls
 
 
-def test_an_unknown_noise_preset_is_the_calls_fault(clean: tuple[Recording, Truth]) -> None:
-    """Fails when an unknown name falls back to measuring without a word."""
+def test_a_sensor_that_nobody_knows_is_the_calls_fault(clean: tuple[Recording, Truth]) -> None:
+    """It counted as any lidar in silence. Mutation, for each: a name that is not looked up."""
     with pytest.raises(SettingsError, match="no-such-imu"):
         calibrate(clean[0], CalibrateSettings(imu_noise="no-such-imu"))
+    with pytest.raises(SettingsError, match="no-such-lidar"):
+        calibrate(clean[0], CalibrateSettings(lidar="no-such-lidar"))
 
 
 def test_the_document_says_what_the_imu_is_like(calibrated: Calibration, short: Scenario) -> None:
