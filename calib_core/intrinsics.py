@@ -138,10 +138,11 @@ class ImuPrior:
 class LidarPrior:
     """Standard deviations of a lidar's own parameters. laser_*: of each laser by itself; 0 where it has no lasers to tell.
 
-    Azimuths are taken to be as uncertain as elevations: their mean is a turn of the whole lidar, which nothing but this prior
-    limits. A turning lidar's encoder is off its axis by `eccentricity`, once a turn. A beam that meets a surface slantwise lights
-    a spot as deep as its divergence times range and tangent, and a leading edge triggers between the spot's near end and halfway:
-    `grazing` is that share of it. Data sheets have beams of 3 mrad, half of which is the near end.
+    Azimuths are taken to be as uncertain as elevations, but for their mean, which is a turn of the whole lidar: where lasers look
+    to in the mean is the lidar's frame (prepare/nuisance.py). A turning lidar's encoder is off its axis by `eccentricity`, once a
+    turn. A beam that meets a surface slantwise lights a spot as deep as its divergence times range and tangent, and a leading
+    edge triggers between the spot's near end and halfway: `grazing` is that share of it. Data sheets have beams of 3 mrad, half
+    of which is the near end.
     """
 
     laser_range_offset_std_m: float

@@ -89,7 +89,7 @@ def _considered(run: Run, solved: Solved) -> Considered | None:
     sensors = solved.nuisance.sensors
     if not sensors.blocks or run.settings.intrinsics != "consider":
         return None
-    return consider(solved.problem, solved.estimate, sensors.prior_std)
+    return consider(solved.problem, solved.estimate, sensors)
 
 
 def _contradicted(

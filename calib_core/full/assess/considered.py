@@ -14,6 +14,7 @@ import numpy as np
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
+from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.solver.arrow import solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
@@ -31,10 +32,10 @@ class Considered:
     std: FloatArray
 
 
-def consider(problem: JointProblem, estimate: Estimate, prior_std: FloatArray) -> Considered:
+def consider(problem: JointProblem, estimate: Estimate, sensors: Nuisance) -> Considered:
     """The parameters held at their priors' means, at the optimum of the rest. Raises NotPositiveDefinite."""
     start = problem.layout(estimate).nuisance().start
-    own = slice(start, start + len(prior_std))
+    own = slice(start, start + sensors.size)
     frozen = tuple(column for column in problem.frozen if not own.start <= column < own.stop)
     system = replace(problem, frozen=frozen).linearise(estimate)
     solution = solve_arrow(system)
@@ -42,10 +43,10 @@ def consider(problem: JointProblem, estimate: Estimate, prior_std: FloatArray) -
     free = np.setdiff1d(np.arange(size), [*frozen, *range(own.start, own.stop)])
     A = solution.information[np.ix_(free, free)]
     B = solution.information[free, own]
-    every = np.zeros((size, len(prior_std)))
-    every[free] = covariance(A).matrix @ B * prior_std
-    shift = every[:CALIBRATION]
-    seven = shift / UNITS[:, None]
+    every = np.zeros((size, sensors.size))
+    every[free] = covariance(A).matrix @ B
+    moved = every[:CALIBRATION]
+    shift, seven = moved * sensors.prior_std, moved @ sensors.prior_root / UNITS[:, None]
     value = estimate.sensors.onto(estimate.sensors.blocks.sensors).values + solution.step_shared[own]
     return Considered(seven @ seven.T, shift, value, parameter_std(solution.information, own, free))
 

@@ -142,6 +142,14 @@ class Nuisance:
         return Nuisance(tuple(each for each in self.blocks if each.block not in _OF_NO_SENSOR))
 
     @cached_property
+    def prior_root(self) -> FloatArray:
+        """(N, N) R of the prior's covariance R R'; without correlations the diagonal of prior_std."""
+        root = np.diag(self.prior_std)
+        for place, whitener in self.whiteners:
+            root[place, place] = np.linalg.inv(whitener)
+        return root
+
+    @cached_property
     def whiteners(self) -> tuple[tuple[slice, FloatArray], ...]:
         """Of each block whose members are correlated: its place, and (n, n) that makes them white."""
         return tuple((self.places[each.block], each.whitener) for each in self.blocks if each.whitener is not None)
@@ -303,6 +311,15 @@ def nuisance_of(
     )
 
 
+def _about_their_mean(lasers: int, std_rad: float) -> FloatArray:
+    """(n, n) whitener of the lasers' azimuths: each so uncertain beside the others, all together less.
+
+    That all look to one side is a turn of the lidar's frame, about which nothing else says anything.
+    """
+    together = np.full((lasers, lasers), 1.0 / lasers)
+    return (np.eye(lasers) - together) / std_rad + together / (LASERS.azimuth_together * std_rad)
+
+
 def choose_nuisance(
     imu: ImuPrior,
     lidar: LidarPrior,
@@ -341,5 +358,6 @@ def choose_nuisance(
     for block in KINDS:
         names = tuple(map(str, range(lasers))) if block in LASER_BLOCKS else NAMES[block]
         if std[block] > 0.0 and names and (wanted is None or block in wanted):
-            blocks.append(NuisanceBlock(block, names, np.full(len(names), std[block])))
+            whitener = _about_their_mean(len(names), std[block]) if block == "laser_azimuth" else None
+            blocks.append(NuisanceBlock(block, names, np.full(len(names), std[block]), whitener))
     return Nuisance(tuple(blocks))

@@ -25,6 +25,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
+from calib_core.full.prepare import settings
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.solver.arrow import ArrowEquations, Eliminated, NotPositiveDefinite, solve_arrow
 from calib_core.solver.information import covariance
@@ -319,16 +320,23 @@ def test_what_is_open_is_left_out() -> None:
 def test_considered_parameters_widen_by_what_they_would_move() -> None:
     """Schmidt's covariance against the block inverse of the whole problem and against brute shifts.
 
-    Mutations: the prior's variance for its standard deviation, the cross block transposed."""
+    Mutations: the prior's variance for its standard deviation, the cross block transposed, azimuths alike independent."""
     problem, estimate = _solved()
     own = problem.layout(estimate).nuisance()
     held = replace(problem, frozen=tuple(range(own.start, own.stop)))
-    prior_std = estimate.sensors.blocks.prior_std
-    found = consider(held, estimate, prior_std)
+    blocks = estimate.sensors.blocks
+    prior_std = blocks.prior_std
+    found = consider(held, estimate, blocks)
     whole = solve_arrow(problem.linearise(estimate)).information
     A, B = whole[: own.start, : own.start], whole[: own.start, own]
-    shift = np.linalg.solve(A, B)[:CALIBRATION] * prior_std / UNITS[:, None]
-    np.testing.assert_allclose(found.added, shift @ shift.T, rtol=1e-4, atol=1e-9 * np.abs(found.added).max())
+    moved = np.linalg.solve(A, B)[:CALIBRATION] / UNITS[:, None]
+    P = np.diag(prior_std**2)
+    place = blocks.places["laser_azimuth"]
+    P[place, place] -= (
+        (1.0 - settings.LASERS.azimuth_together**2) * prior_std[place.start] ** 2 / (place.stop - place.start)
+    )
+    added = moved @ P @ moved.T
+    np.testing.assert_allclose(found.added, added, rtol=1e-4, atol=1e-9 * np.abs(found.added).max())
     # What would be estimated is where the whole problem's next step leads: at its optimum, next to where it is.
     step = solve_arrow(problem.linearise(estimate)).step_shared[own] / prior_std
     np.testing.assert_allclose((found.value - estimate.sensors.values) / prior_std, step, atol=1e-9)

@@ -33,7 +33,7 @@ def test_an_answer_is_off_by_what_was_taken_for_zero_and_is_not() -> None:
     own = problem.layout(estimate).nuisance()
     held = replace(problem, frozen=tuple(range(own.start, own.stop)))
     prior_std = estimate.sensors.blocks.prior_std
-    shift = consider(held, estimate, prior_std).shift
+    shift = consider(held, estimate, estimate.sensors.blocks).shift
     scale = np.abs(shift).max(axis=1)
     for k in range(0, len(prior_std), 3):
         steps = []

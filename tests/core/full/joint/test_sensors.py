@@ -15,6 +15,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.sensors import laser_places, sensor_columns
 from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.prepare import settings
 from calib_core.full.prepare.nuisance import IMU_BLOCKS, MATERIAL, SURFACE, Nuisance, choose_nuisance
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import preintegrate
@@ -28,6 +29,7 @@ from tests.core.full.joint import test_problem as plain
 LASERS, POINTS, IMU = 3, 11, 25
 #: Of every point [1/m]: a decimetre for each, and all together see every direction.
 ROOT_WEIGHT = 10.0
+AZIMUTH_TOGETHER = settings.LASERS.azimuth_together
 NUISANCE = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=LASERS, clock_rate_std_ppm=40.0)
 #: Columns of a laser -> features of a point: offset, elevation, azimuth, scale; of all: offset, incidence, eccentricity, grazing.
 FEATURE = (0, 1, 2, 3, 0, 4, 5, 6, 7)
@@ -271,6 +273,8 @@ def test_heights_that_are_correlated_cost_what_their_covariance_says() -> None:
     covariance = 0.003**2 * np.exp(-0.8 / 2.0 * np.array([[0.0, 1.0], [1.0, 0.0]]))
     expected = heights @ np.linalg.inv(covariance) @ heights
     expected += float(np.sum((others / np.delete(case.nuisance.prior_std, at)) ** 2))
+    azimuths = e.sensors.of("laser_azimuth") / UNKNOWN_LIDAR.laser_elevation_std_rad
+    expected += len(azimuths) * float(azimuths.mean() ** 2) * (AZIMUTH_TOGETHER**-2 - 1.0)  # beside what is alone
     layout, without = problem.layout(e), replace(e, sensors=SensorState())
     rest, _ = prior_rows(problem.priors, problem.nodes, without, problem.layout(without))
     residual, jacobian = prior_rows(problem.priors, problem.nodes, e, layout)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from calib_core.full.prepare.nuisance import choose_nuisance, count_lasers, nuisance_of
+from calib_core.full.prepare.settings import LASERS
 from calib_core.intrinsics import KINDS, UNKNOWN_IMU, UNKNOWN_LIDAR, Block, Owner, blocks_of
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
@@ -59,6 +60,21 @@ def test_blocks_lie_one_after_the_other() -> None:
     assert solid.start("clock_rate") == -1
     assert solid.start("laser_range_offset") == -1
     assert solid.size == 25 + 5
+
+
+def test_where_lasers_look_to_in_the_mean_is_the_lidars_frame() -> None:
+    """Oracle: variances of a mean and of a difference. Mutations: azimuths independent; narrowed all alike."""
+    one = choose_nuisance(UNKNOWN_IMU, UNKNOWN_LIDAR, lasers=16, clock_rate_std_ppm=40.0)
+    covariance = one.prior_root @ one.prior_root.T
+    mean = np.zeros(one.size)
+    mean[one.places["laser_azimuth"]] = 1.0 / 16
+    std = UNKNOWN_LIDAR.laser_elevation_std_rad
+    assert np.sqrt(mean @ covariance @ mean) == pytest.approx(LASERS.azimuth_together * std / 4.0)
+    apart = np.zeros(one.size)
+    apart[[one.start("laser_azimuth"), one.start("laser_azimuth") + 5]] = 1.0, -1.0
+    assert np.sqrt(apart @ covariance @ apart) == pytest.approx(2**0.5 * std)
+    elsewhere = np.setdiff1d(np.arange(one.size), np.arange(one.size)[one.places["laser_azimuth"]])
+    np.testing.assert_allclose(covariance[np.ix_(elsewhere, elsewhere)], np.diag(one.prior_std[elsewhere] ** 2))
 
 
 def test_settings_decide(noisy: tuple[Recording, Truth]) -> None:
