@@ -12,7 +12,7 @@ import pytest
 from bench import fault_runs
 from bench.__main__ import main
 from bench.fault_bounds import FAULT_BOUNDS, FaultBoundRow
-from bench.fault_report import latest, parameters_text, summary, write_report
+from bench.fault_report import latest, misses, over_bound, parameters_text, summary, write_report
 from bench.fault_runs import (
     TABLE,
     Campaign,
@@ -141,6 +141,36 @@ def test_the_report_names_what_is_biased_or_refused(tmp_path: Path) -> None:
     assert "**biased**" in text
     assert "| glass | 0 of 1 |" in text
     assert len(read_fault_runs(tmp_path)) == 101
+
+
+def test_what_a_campaign_misses_is_named() -> None:
+    """Oracle: errors drawn with the stated sigmas, a factor beside. Mutations: too wide for too narrow; the stated sigmas for the
+    bound; answers alone counted."""
+    stated_deg, stated_mm, stated_ms = summary(drawn()).stated
+    bound = FaultBoundRow("handheld", "industrial", 30.0, stated_deg, stated_mm / 1.6, stated_ms, *[1.0] * 4, "")
+    honest, narrow, wide = summary(drawn()), summary(drawn(scale=1.6)), summary(drawn(scale=0.6))
+    over = over_bound(honest, bound)
+    assert over is not None
+    np.testing.assert_allclose(over, [1.0, 1.6, 1.0], rtol=0.1)
+    assert misses(honest, over) == [f"translation {over[1]:.2f} of the bound"]
+    assert misses(honest, None) == []
+    assert misses(narrow, None)[0] == "sigmas too narrow"
+    assert misses(wide, over_bound(wide, bound)) == ["sigmas too wide"]
+    assert misses(summary([*drawn(n=9), replace(drawn(n=10)[9], status="refused", nees=np.nan)]), None) == [
+        "1 without an answer"
+    ]
+    far = replace(drawn()[0], errors=(6e-4, *drawn()[0].errors[1:]))
+    assert misses(summary([far, *drawn()[1:]]), None) == ["6.0 sigmas"]
+
+
+def test_campaigns_count_together_by_kind(tmp_path: Path) -> None:
+    """Mutation: faults of a size of somebody's choice among those that are drawn from their priors."""
+    for faults, n in (("industrial", 10), ("consumer", 11), ("glass", 5), ("glass=2m", 3)):
+        for run in drawn(n=n):
+            append_row(tmp_path / fault_runs.FAULT_RUNS, replace(run, faults=faults), ORDER)
+    text = write_report(tmp_path).read_text()
+    assert "Both profiles: 21 of 21 runs have an answer; mean NEES" in text
+    assert "Single faults: 5 of 5 runs" in text
 
 
 def test_the_bound_is_of_what_the_solve_was_told(tmp_path: Path) -> None:
