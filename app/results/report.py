@@ -18,6 +18,7 @@ import numpy as np
 from app.results import captions, plot_parts, plots
 from app.results.beside import Beside
 from app.results.chance import PLANES, RANGES, STRETCHES
+from app.results.sensors import kinds_of
 from app.results.verdict import HEADINGS, disagreeing, offset_holds, rests_on, sigma_of_offset, told, tone
 from app.schemas.evidence import Evidence
 from calib_core.result import CalibrationResult
@@ -53,6 +54,7 @@ def report_page(result: CalibrationResult, beside: Beside | None = None) -> str:
         matrix=None if result.T_imu_lidar is None else result.T_imu_lidar.matrix,
         rig=rig,
         figures=figures,
+        kinds=kinds_of(result),
         messages=_messages(result),
         settings=_settings(result),
         made_at=None if beside.made_at is None else beside.made_at.strftime("%Y-%m-%d %H:%M %Z").strip(),

@@ -17,6 +17,7 @@ from calib_core.settings import ImuNoise
 _Preset = TypeVar("_Preset", "ImuPreset", "LidarPreset")
 #: What stands between a name and its number: `bmi-088`, `VLP 16`.
 _BEFORE_NUMBER = re.compile(r"(?<=[a-z])[-_\s]+(?=\d)")
+_SHORT = 3
 
 
 def find_imu_preset(*texts: str) -> ImuPreset | None:
@@ -91,9 +92,11 @@ def _names_a_model(preset: LidarPreset, text: str) -> bool:
 
 
 def _is_in(word: str, lowered: str) -> bool:
-    """Words count only where no letter or digit runs on before them: "os1" is not in "pos1"."""
+    """Words count only where no letter or digit runs on before them: "os1" is not in "pos1"; short ones of letters alone, as they
+    may begin any other, where no letter does behind them either: "hap" is not in "happy"."""
     # Few words are in it at all, and each expression takes a millisecond to compile.
-    return word in lowered and re.search(rf"(?<![a-z0-9]){re.escape(word)}", lowered) is not None
+    behind = "(?![a-z])" if len(word) <= _SHORT and word.isalpha() else ""
+    return word in lowered and re.search(rf"(?<![a-z0-9]){re.escape(word)}{behind}", lowered) is not None
 
 
 def _find(presets: tuple[_Preset, ...], texts: tuple[str, ...]) -> _Preset | None:

@@ -56,7 +56,7 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
         0.02,
         _ROSETTE,
         f"Livox HAP user manual, table 1.2.1: 2 cm at 20 m, 0.1 deg; {_UNCONFIRMED}",
-        ("livox_hap", "livox-hap", "livox/hap", "hap_"),
+        ("livox_hap", "livox-hap", "livox/hap", "hap_", "hap"),
     ),
     LidarPreset(
         "livox-avia",
@@ -173,7 +173,7 @@ LIDAR_PRESETS: tuple[LidarPreset, ...] = (
 )
 #: Words of makers and their drivers, which say nothing of the model.
 LIDAR_MAKERS = frozenset(
-    {"livox", "hap_", "velodyne", "vlp", "hdl", "vls", "ouster", "os_lidar", "os_sensor"}
+    {"livox", "velodyne", "vlp", "hdl", "vls", "ouster", "os_lidar", "os_sensor"}
     | {"hesai", "pandar", "rslidar", "robosense"}
 )
 GENERIC_LIDAR = LidarPreset("generic-lidar", 0.03, UNKNOWN_LIDAR, "middle of common sensors", ())

@@ -1,5 +1,17 @@
+import { render, screen } from "@testing-library/react";
+import userEvent from "@testing-library/user-event";
+import { createElement } from "react";
+import { MemoryRouter } from "react-router";
 import { expect, it } from "vitest";
-import { isOfSensors, gyroscopeText, parameterName, readableIntrinsic, toName } from "../src/features/result/sensors";
+import type { CalibrationResult } from "../src/api/client";
+import {
+  isOfSensors,
+  OwnErrors,
+  gyroscopeText,
+  parameterName,
+  readableIntrinsic,
+  toName,
+} from "../src/features/result/sensors";
 
 // Fails when a block of one parameter says its name twice.
 it("a parameter's name is said once", () => {
@@ -49,4 +61,19 @@ it("leads to the sensor that is to be named", () => {
   expect(toName(said("; naming the lidar narrows them"))?.control).toBe("lidar");
   expect(toName(said(""))).toBeNull();
   expect(toName({ ...said("; naming the IMU narrows them"), code: "sensor.clock" })).toBeNull();
+});
+
+it("every parameter can be seen, and whether it was estimated", async () => {
+  // Mutations: the sure ones alone; what was considered left out; half a thousand rows made for nobody.
+  const one = { name: "x", unit: "rad", std: 0.001, prior_std: 0.01 };
+  const intrinsics = [
+    { ...one, block: "gyroscope_axes", value: 0.02, state: "estimated", significant: true },
+    { ...one, block: "accelerometer_axes", value: 0.0, state: "considered", significant: false },
+  ];
+  const result = { messages: [], imu_frame: "", intrinsics } as unknown as CalibrationResult;
+  render(createElement(MemoryRouter, null, createElement(OwnErrors, { result, solve: "/" })));
+  expect(screen.queryByText("accelerometer axes x")).toBeNull();
+  await userEvent.click(screen.getByText("All 2 parameters"));
+  expect(await screen.findByText("accelerometer axes x")).toBeDefined();
+  expect(screen.getByText("considered")).toBeDefined();
 });

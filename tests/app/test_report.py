@@ -23,6 +23,7 @@ from app.results.evidence import CORNER_SIDE_M, StepListener, densest, measure_e
 from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import SETTINGS, report_page
 from app.results.scans import measure_scans
+from app.results.sensors import kinds_of
 from app.results.thickness import measure_thickness
 from app.results.verdict import solve_outcome
 from calib_core import api
@@ -85,6 +86,37 @@ def test_the_page_says_what_one_signs_for(page):
     # The recording's and the document's own.
     assert len(set(re.findall(r"<code>([0-9a-f]{64})</code>", page))) == 2
     assert NAME not in page
+
+
+def test_the_sensors_own_errors_stand_kind_by_kind():
+    """Mutations: the largest for the surest; radians; a sign of nothing; considered and estimated of a kind as one."""
+
+    def one(block, name, value, std, state="estimated"):
+        told = {"block": block, "name": name, "unit": UNITS[block], "value": value, "std": std, "prior_std": 0.008}
+        return Intrinsic.model_validate({**told, "state": state, "significant": abs(value) > 3.0 * std})
+
+    found = [
+        one("laser_range_offset", "2", -0.0091, 0.0003),
+        one("laser_range_offset", "5", 0.0112, 0.002),
+        one("laser_range_offset", "7", 0.001, 0.002),
+        one("clock_rate", "rate", -0.01, 4.2),
+        one("gyroscope_rotation", "x", 0.01, 0.001),
+        one("gyroscope_rotation", "y", 0.0, 0.001, "considered"),
+        one("g_sensitivity", "xz", 1e-4, 1e-5),
+    ]
+    result = world.make_result().model_copy(update={"intrinsics": found, "imu_frame": "those of nobody"})
+    rows = [(row.kind, row.count, row.state, row.largest, row.before, row.beyond) for row in kinds_of(result)]
+    assert rows == [
+        ("laser range offset", 3, "estimated", "ring 2: -9.10 ± 0.30 mm", "8.0 mm", 2),
+        ("clock rate", 1, "estimated", "0.0 ± 4.2 ppm", "0.0080 ppm", 0),
+        ("gyroscope rotation", 1, "estimated", "0.573 ± 0.057 deg", "0.46 deg", 1),
+        ("gyroscope rotation", 1, "considered", "0.000 ± 0.057 deg", "0.46 deg", 0),
+        ("g sensitivity", 1, "estimated", "0.0562 ± 0.0056 deg/s a g", "4.5 deg/s a g", 1),
+    ]
+    page = report_page(result)
+    assert "The IMU's axes here are those of nobody." in page
+    assert "ring 2: -9.10 ± 0.30 mm" in page
+    assert "own errors</h2>" not in report_page(result.model_copy(update={"intrinsics": []}))
 
 
 def test_the_offset_has_the_instant_at_which_it_holds():

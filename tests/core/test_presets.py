@@ -97,10 +97,12 @@ def test_every_preset_has_a_source_and_a_name_of_its_own() -> None:
         (("/livox/lidar", "livox_frame"), "livox-avia"),
         (("livox_hap",), "livox-hap"),
         (("/happy/points",), None),
+        (("/hap/points",), "livox-hap"),
+        (("vlpoints",), None),
     ],
 )
 def test_lidars_are_found_by_their_names(texts: tuple[str, ...], expected: str | None) -> None:
-    """Mutation: the general before the particular."""
+    """Mutations: the general before the particular; short words that others begin with."""
     found = find_lidar_preset(*texts)
     assert (found.name if found else None) == expected
 
@@ -137,6 +139,7 @@ def test_models_of_one_maker_are_told_apart(text: str, expected: str) -> None:
         ("RS-LiDAR 16", "robosense-16"),
         ("Helios 5515", "robosense"),
         ("hesai", "hesai"),
+        ("HAP", "livox-hap"),
         ("velodyne-99", None),
         ("hesai qt128", None),
         ("robosense-64", None),

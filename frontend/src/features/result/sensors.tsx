@@ -1,3 +1,4 @@
+import { useState } from "react";
 import { Link } from "react-router";
 import type { CalibrationResult } from "../../api/client";
 import { stdText, threeDigits } from "../../ui/format";
@@ -61,12 +62,47 @@ export function toName({ code, text }: Pick<CalibrationResult["messages"][number
     : { label: "Name the lidar", control: "lidar" };
 }
 
+function Parameters({ of, states = false }: { of: readonly Intrinsic[]; states?: boolean }) {
+  return (
+    <table className={css.compare}>
+      <thead>
+        <tr>
+          <th scope="col">Parameter</th>
+          <th scope="col">Found</th>
+          <th scope="col">Expected before</th>
+          {states && <th scope="col">How</th>}
+        </tr>
+      </thead>
+      <tbody>
+        {of.map((one) => {
+          const { value, sigma, prior, unit } = readableIntrinsic(one);
+          return (
+            <tr key={`${one.block}/${one.name}`}>
+              <th scope="row">{parameterName(one)}</th>
+              <td className="num">
+                {value} ± {sigma} {unit}
+              </td>
+              <td className="num dim">
+                0 ± {prior} {unit}
+              </td>
+              {states && <td className="dim">{one.state}</td>}
+            </tr>
+          );
+        })}
+      </tbody>
+    </table>
+  );
+}
+
 /** What the sensors' own errors are found to be, beyond doubt; the sentences first, the numbers for who asks.
  *  solve: address of the form for another run. */
 export function OwnErrors({ result, solve }: { result: CalibrationResult; solve: string }) {
   const sentences = result.messages.filter(isOfSensors);
-  const found = (result.intrinsics ?? []).filter((one) => one.significant && one.state === "estimated");
-  if (sentences.length === 0 && found.length === 0) return null;
+  const every = result.intrinsics ?? [];
+  const found = every.filter((one) => one.significant && one.state === "estimated");
+  // Behind 128 lasers they are half a thousand rows: made when somebody asks.
+  const [open, setOpen] = useState(false);
+  if (sentences.length === 0 && every.length === 0) return null;
   return (
     <section aria-label="What the sensors themselves add">
       <h2>What the sensors themselves add</h2>
@@ -96,31 +132,13 @@ export function OwnErrors({ result, solve }: { result: CalibrationResult; solve:
           <summary>
             {found.length === 1 ? "The parameter" : `The ${found.length} parameters`} beyond three standard deviations
           </summary>
-          <table className={css.compare}>
-            <thead>
-              <tr>
-                <th scope="col">Parameter</th>
-                <th scope="col">Found</th>
-                <th scope="col">Expected before</th>
-              </tr>
-            </thead>
-            <tbody>
-              {found.map((one) => {
-                const { value, sigma, prior, unit } = readableIntrinsic(one);
-                return (
-                  <tr key={`${one.block}/${one.name}`}>
-                    <th scope="row">{parameterName(one)}</th>
-                    <td className="num">
-                      {value} ± {sigma} {unit}
-                    </td>
-                    <td className="num dim">
-                      0 ± {prior} {unit}
-                    </td>
-                  </tr>
-                );
-              })}
-            </tbody>
-          </table>
+          <Parameters of={found} />
+        </details>
+      )}
+      {every.length > found.length && (
+        <details className={css.details} onToggle={(event) => setOpen(event.currentTarget.open)}>
+          <summary>All {every.length} parameters</summary>
+          {open && <Parameters of={every} states />}
         </details>
       )}
     </section>
