@@ -38,3 +38,12 @@ class FleetOutcome(BaseModel):
     text: str = ""
     is_lost: bool = False
     duration_s: float = 0.0
+
+
+def out_of_memory(order: FleetOrder) -> FleetOutcome:
+    """What came of an order that needed too much."""
+    most = (
+        "memory than there is" if order.memory_bytes is None else f"than the {order.memory_bytes / 1e6:.0f} MB allowed"
+    )
+    text = f"{order.recording} needed more {most}: allow more with --memory-limit-mb, or calibrate a part with --end-s."
+    return FleetOutcome(code="job.memory", text=text)

@@ -144,6 +144,34 @@ def test_limits_of_time_and_memory_are_kept_and_said(hall):
         assert not is_alive(int((hall / "slow.started").read_text()))
 
 
+def test_what_is_filled_counts_not_what_is_allocated_and_nothing_hangs(hall):
+    """A numerical library that is refused a buffer asks again for ever; a thread without a stack is a RuntimeError.
+
+    Mutations: nobody looks at what a process takes (hungry is calibrated); RLIMIT_DATA at the limit (roomy fails); its being
+    near not looked at (stubborn runs into the time); any RuntimeError a defect; causes not looked at; or without a bound too.
+    """
+    most = {"memory_bytes": 500 * 10**6, "time_limit_s": PATIENCE_S}
+    bounded = orders(hall, "hungry", "roomy", "stubborn", "threads", "caused", **most)
+    rows = run_here([*bounded, *orders(hall, "caused-free")], hall)
+    assert {name: row.code for name, row in rows.items()} == {
+        "hungry": "job.memory",
+        "roomy": "",
+        "stubborn": "job.memory",
+        "threads": "job.memory",
+        "caused": "job.memory",
+        "caused-free": "defect",
+    }
+    assert rows["hungry"].sentence.startswith(f"{hall / 'hungry.bag'} needed more than the 500 MB allowed: allow more")
+
+
+def test_a_bound_with_which_nothing_can_be_read_is_refused_at_once(hall, capsys):
+    """Mutation: any whole number."""
+    command = ["calibrate-many", str(hall), "--output", str(hall / "out"), "--memory-limit-mb"]
+    assert cli.run([*command, "20"]) == 2
+    assert "expected 200 MB or more" in capsys.readouterr().err
+    assert not (hall / "out").exists()
+
+
 def test_a_killed_process_loses_no_recording(hall):
     """Mutations: do not run what was lost again; run it for ever."""
     asked = orders(hall, "sleepy", "room", "doomed")

@@ -2,6 +2,8 @@
 
 - sleepy: sleeps until killed, once; when it is run again it succeeds. What it writes beside its recording tells its process
 - doomed: its process is killed every time; slow: sleeps for ten minutes; greedy: asks for 8 GB; defect: raises
+- hungry: fills 1 GB, bit by bit; roomy: allocates 1 GB and touches none of it; stubborn: allocates on, and asks again for ever
+  where it is refused; threads: starts one whose stack has 8 GB; caused: raises what comes of a MemoryError
 - refused, weak: such a result; broken: refuses the input; anything else is calibrated
 
 The documents lie beside the recordings, made by the test: SciPy would take each process a second to load.
@@ -9,8 +11,10 @@ The documents lie beside the recordings, made by the test: SciPy would take each
 
 from __future__ import annotations
 
+import mmap
 import os
 import signal
+import threading
 import time
 
 from calib_core.errors import UnreadableRecording
@@ -25,6 +29,7 @@ def run(order):
         os.kill(os.getpid(), signal.SIGKILL)
     if kind == "greedy":
         bytearray(8 * 10**9)
+    take(kind)
     if kind == "defect":
         raise RuntimeError("no\nsuch luck")
     started = order.recording.with_suffix(".started")
@@ -34,3 +39,32 @@ def run(order):
         time.sleep(600)
     status = kind if kind in {"refused", "weak"} else "calibrated"
     return (order.recording.parent / f"{status}.document").read_text()
+
+
+def take(kind):
+    """Memory, in the way that the kind has."""
+    kept = []
+    if kind == "hungry":
+        for _ in range(100):
+            kept.append(b"x" * 10**7)
+            time.sleep(0.01)
+    if kind == "roomy":
+        kept.append(allocated(10**9))
+    while kind == "stubborn":
+        try:
+            kept.append(allocated(2**25))
+        except OSError:
+            time.sleep(0.001)
+    if kind == "threads":
+        threading.stack_size(8 * 10**9)
+        threading.Thread(target=time.sleep, args=(0,)).start()
+    if kind == "caused":
+        try:
+            bytearray(8 * 10**12)
+        except MemoryError as error:
+            raise ValueError("it did not work") from error
+
+
+def allocated(size):
+    """Memory that is there to be written to, and is not."""
+    return mmap.mmap(-1, size, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
