@@ -20,11 +20,11 @@ import pytest
 
 from app.cli import main as cli
 from app.cli import many
-from app.fleet.campaign import ASIDE, TRIES, run_fleet, take_up
+from app.fleet.campaign import ASIDE, run_fleet, take_up
 from app.fleet.executors import LocalProcesses
 from app.fleet.find import document_names, find_recordings
 from app.fleet.made_of import CHANGED, asked_beside, stored
-from app.fleet.orders import FleetOrder, FleetOutcome
+from app.fleet.orders import TRIES, FleetOrder, FleetOutcome
 from app.fleet.summary import NAME, add_row, read_rows, row_of
 from calib_core import api
 from calib_core.errors import InputError
@@ -455,6 +455,33 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
         wait_for((hall / "slow.started").exists)
         stopping.stop()
         wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
+
+
+@pytest.mark.parametrize("allowed", [1, 3])
+def test_an_order_that_kills_its_workers_kills_three_and_no_more(hall, monkeypatch, allowed):
+    """Real workers, which their nannies start again. dask gives it to the next one by itself, by its own count.
+
+    Mutations: begun not counted, which kills twelve; the count not taken for tries; counted anew where dask gives it up.
+    """
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", str(allowed))
+    cluster = pytest.importorskip("app.fleet.cluster")
+    with dask_processes(hall, 2, nannies=True) as (address, _):
+        rows = {
+            row.name: row for row in run_fleet(orders(hall, "murder"), hall, cluster.DaskCluster(address, FAKE), print)
+        }
+    assert (hall / "murder.begun").read_text() == "x" * TRIES
+    assert (rows["murder"].verdict, rows["murder"].code, rows["murder"].tries) == ("failed", "job.lost", TRIES)
+    assert "--memory-limit-mb" in rows["murder"].sentence
+
+
+def test_a_worker_of_another_version_ends_the_fleet_before_it_has_an_answer(hall, monkeypatch):
+    """Its answers would be in the same table. Mutations: no look at the version; a row of it, and the next one's."""
+    cluster = pytest.importorskip("app.fleet.cluster")
+    with dask_processes(hall, 1) as (address, _):
+        monkeypatch.setattr(cluster, "__version__", "0.0.1")
+        with pytest.raises(InputError, match=r"has unsweep .* and the command 0\.0\.1: install the same on both"):
+            run_fleet(orders(hall, "room", "weak"), hall, cluster.DaskCluster(address, FAKE), print)
+    assert read_rows(hall) == []
 
 
 def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(hall):

@@ -1,7 +1,8 @@
 """Stands in for a calibration in tests of fleets: told by the recording's name how to behave.
 
 - sleepy: sleeps until killed, once; when it is run again it succeeds. What it writes beside its recording tells its process
-- doomed: its process is killed every time; slow: sleeps for ten minutes; greedy: asks for 8 GB; defect: raises
+- doomed: its process is killed every time; murder: and the worker that started it, each time noted beside the recording
+- slow: sleeps for ten minutes; greedy: asks for 8 GB; defect: raises
 - hungry: fills 1 GB, bit by bit; roomy: allocates 1 GB and touches none of it; stubborn: allocates on, and asks again for ever
   where it is refused; threads: starts one whose stack has 8 GB; caused: raises what comes of a MemoryError
 - refused, weak: such a result; broken: refuses the input; anything else is calibrated
@@ -17,6 +18,8 @@ import signal
 import threading
 import time
 
+import psutil
+
 from calib_core.errors import UnreadableRecording
 
 
@@ -27,6 +30,11 @@ def run(order):
         raise UnreadableRecording("Expected a bag, found porridge in broken.bag; choose another file.")
     if kind == "doomed":
         os.kill(os.getpid(), signal.SIGKILL)
+    if kind == "murder":
+        with order.recording.with_suffix(".begun").open("a") as notes:
+            notes.write("x")
+        psutil.Process().parent().parent().kill()  # what it was forked from has the worker for its own
+        time.sleep(600)
     if kind == "greedy":
         bytearray(8 * 10**9)
     take(kind)
