@@ -13,8 +13,10 @@ from concurrent.futures import Future
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from app.fleet.executors import Tell
 from app.fleet.job import CALIBRATE, run_order
 from app.fleet.orders import OTHER_VERSION, TRIES, FleetOrder, FleetOutcome
+from app.kernels import compile_once
 from calib_core import __version__
 from calib_core.errors import InputError
 
@@ -32,10 +34,21 @@ class DaskCluster:
 
     def __init__(self, address: str, entry: str = CALIBRATE) -> None:
         self._client = connect(address)
+        self._address = address
         self._entry = entry
         self._session = uuid.uuid4().hex
         self._futures: FutureExecutor = self._client.get_executor(pure=False)
-        self.where = f"{len(self._client.scheduler_info()['workers'])} workers of {address}"
+        self._count = len(self._client.nthreads())
+        self.where = f"{self._count} worker{'' if self._count == 1 else 's'} of {address}"
+
+    def prepare(self, tell: Tell) -> None:
+        """Workers prepare themselves; where there are none, say how one is started: nothing else would happen."""
+        if not self._count:
+            tell(
+                "fleet.no_worker",
+                f"The scheduler has no worker yet: start `dask worker {self._address} --nworkers 1 --nthreads 1` on a machine "
+                "that sees the recordings; its first one begins then",
+            )
 
     def start(self, order_text: str) -> Future[str]:
         """Hand it to the scheduler, which gives it to another worker where the first is lost."""
@@ -66,6 +79,8 @@ def run_on_worker(order_text: str, entry: str, *, version: str, counter: str) ->
     other = other_version(worker, version, "command")
     if other is not None:
         return FleetOutcome(code=OTHER_VERSION, text=other).model_dump_json()
+    if entry == CALIBRATE:
+        compile_once()  # before the recording's time begins
     key = worker.get_current_task()
     return counted(order_text, counter, lambda: run_order(order_text, entry, lambda: is_dropped(worker, str(key))))
 

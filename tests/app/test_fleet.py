@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -170,6 +171,28 @@ def test_a_bound_with_which_nothing_can_be_read_is_refused_at_once(hall, capsys)
     assert cli.run([*command, "20"]) == 2
     assert "expected 200 MB or more" in capsys.readouterr().err
     assert not (hall / "out").exists()
+
+
+def test_loops_are_compiled_before_the_first_recording_with_a_word(hall, monkeypatch):
+    """Mutations: nothing said or compiled here; said where all is compiled; a worker that compiles in a recording's time."""
+    from app.fleet import cluster, executors
+
+    done, told = [], []
+    monkeypatch.setattr(executors, "compile_once", lambda: done.append("compiled"))
+    for is_compiled in (True, False):
+        monkeypatch.setattr(executors, "is_compiled", lambda known=is_compiled: known)
+        LocalProcesses(1).prepare(lambda code, text: told.append((code, text)))
+    assert done == ["compiled"]
+    assert told == [("fleet.compiling", "Compiling the program's loops for this machine (once, about a minute)")]
+
+    distributed = pytest.importorskip("distributed")
+    worker = SimpleNamespace(name="w", get_current_task=lambda: "key")
+    monkeypatch.setattr(distributed, "get_worker", lambda: worker)
+    monkeypatch.setattr(cluster, "compile_once", lambda: done.append("compiled there"))
+    monkeypatch.setattr(cluster, "counted", lambda *_: done.append("run") or "{}")
+    order = orders(hall, "room")[0].model_dump_json()
+    cluster.run_on_worker(order, cluster.CALIBRATE, version=cluster.__version__, counter="")
+    assert done == ["compiled", "compiled there", "run"]
 
 
 def test_a_killed_process_loses_no_recording(hall):
@@ -507,6 +530,27 @@ def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(
     wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
     kept, ahead, _ = take_up(asked, hall)
     assert ([row.name for row in kept], [order.name for order in ahead]) == (["room"], ["slow", "weak"])
+
+
+def test_a_scheduler_without_a_worker_says_what_to_start(tmp_path):
+    """Nothing would happen, without end. Mutations: said nothing; said with a worker there; "1 workers"."""
+    cluster = pytest.importorskip("app.fleet.cluster")
+    told = []
+    for workers, where in ((0, "0 workers of"), (1, "1 worker of")):
+        folder = tmp_path / str(workers)
+        folder.mkdir()
+        with dask_processes(folder, workers) as (address, _):
+            client = cluster.connect(address)
+            wait_for(lambda client=client, workers=workers: len(client.nthreads()) == workers)
+            client.close()
+            executor = cluster.DaskCluster(address, FAKE)
+            assert executor.where == f"{where} {address}"
+            executor.prepare(lambda code, text: told.append((code, text)))
+            executor.stop()
+            if not workers:
+                assert told[0][0] == "fleet.no_worker"
+                assert f"start `dask worker {address} --nworkers 1 --nthreads 1`" in told[0][1]
+    assert len(told) == 1
 
 
 def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sentence(monkeypatch):
