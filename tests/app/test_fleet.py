@@ -85,6 +85,40 @@ def test_a_folder_and_a_list_are_looked_through(tmp_path):
             find_recordings(wrong)
 
 
+def test_links_are_followed_and_each_recording_is_found_once(tmp_path):
+    """Mutations: links not entered; a circle entered for ever; one that leads nowhere left out; a file counted again under a
+    link's name, or named by the link though its own name is there, or is reached by a link itself.
+    """
+    folder, other = tmp_path / "folder", tmp_path / "other"
+    for path in (folder / "deep" / "z.bag", other / "far.mcap"):
+        path.parent.mkdir(parents=True)
+        path.touch()
+    (folder / "aside").symlink_to(other)
+    (folder / "deep" / "up").symlink_to(folder)
+    (other / "back").symlink_to(folder)
+    (folder / "a.bag").symlink_to(folder / "deep" / "z.bag")
+    (folder / "gone.bag").symlink_to(tmp_path / "nowhere.bag")
+    (folder / "round.bag").symlink_to(folder / "round.bag")
+    (folder / "gone.txt").symlink_to(tmp_path / "nowhere.txt")
+    found = [folder / "deep" / "z.bag", folder / "gone.bag", folder / "round.bag", folder / "aside" / "far.mcap"]
+    assert find_recordings(folder) == found
+    assert find_recordings(folder / "aside") == [
+        folder / "aside" / "far.mcap",
+        *(folder / "aside" / "back" / path for path in ("deep/z.bag", "gone.bag", "round.bag")),
+    ]
+
+
+def test_a_recording_that_a_list_spells_twice_is_run_once(tmp_path):
+    """Mutation: paths compared as they are written."""
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "room.bag").touch()
+    listed = tmp_path / "list.txt"
+    listed.write_text("deep/../room.bag\nroom.bag\n./deep/../deep/gone.bag\ndeep/gone.bag\n")
+    assert find_recordings(listed) == [tmp_path / "room.bag", tmp_path / "deep" / "gone.bag"]
+    listed.write_text("deep/../room.bag\n")
+    assert find_recordings(listed) == [tmp_path / "deep" / ".." / "room.bag"]
+
+
 def test_a_list_may_come_through_a_pipe(tmp_path, monkeypatch):
     """It was told to be one recording. Mutations: a pipe is no list; its paths are taken from /dev/fd."""
     monkeypatch.chdir(tmp_path)
