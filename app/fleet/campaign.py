@@ -26,18 +26,20 @@ class TakenUp(NamedTuple):
     """What an earlier run has left.
 
     done: rows of recordings that have their documents.   ahead: the orders still to run.   others: of those of them that had a
-    document of something else, what differs; these documents are in the folder ASIDE by now.
+    document of something else, what differs; these documents are in the folder ASIDE by now.   besides: rows of documents that
+    nobody asks for this time.
     """
 
     done: list[Row]
     ahead: list[FleetOrder]
     others: list[tuple[str, ...]]
+    besides: list[Row]
 
 
 def take_up(orders: Sequence[FleetOrder], folder: Path) -> TakenUp:
     """What an earlier run has left in the folder, where afterwards no document is of something else than is asked."""
     rows = {row.name: row for row in read_rows(folder)}
-    left = TakenUp([], [], [])
+    left = TakenUp([], [], [], [])
     for order in orders:
         found = documented(order, folder, rows)
         if isinstance(found, Row):
@@ -48,8 +50,8 @@ def take_up(orders: Sequence[FleetOrder], folder: Path) -> TakenUp:
             left.others.append(found)
             _set_aside(folder / f"{order.name}.json")
     asked = {order.name for order in orders}
-    not_asked = [row for name, row in rows.items() if row.has_document and name not in asked]
-    write_rows(folder, [*not_asked, *left.done])
+    left.besides.extend(row for name, row in rows.items() if row.has_document and name not in asked)
+    write_rows(folder, [*left.besides, *left.done])
     return left
 
 

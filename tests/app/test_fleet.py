@@ -256,7 +256,7 @@ def test_a_fleet_goes_on_where_it_stopped(hall):
     (hall / "hall.json").unlink()
     with (hall / NAME).open("a") as file:
         file.write("yard,/yard.bag,calib")
-    done, ahead, others = take_up(asked, hall)
+    done, ahead, others, _ = take_up(asked, hall)
     assert others == []
     assert [row.name for row in done] == ["room"]
     assert [order.name for order in ahead] == ["hall", "broken"]
@@ -454,6 +454,54 @@ def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monk
     assert cli.run([*command, "--scheduler", "tcp://127.0.0.1:1", "--workers", "1"]) == 2
 
 
+def test_the_table_is_the_same_in_all_three_files_when_less_is_asked(hall, monkeypatch):
+    """The folder has the documents still. Oracle: the files, read back. Mutations: those not asked left out of JSON and page, or
+    of the CSV; the JSON of the run before left where nothing can be run.
+    """
+    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    listed, out = hall / "list.txt", hall / "out"
+    for asked, more, code in (
+        ("room weak refused", [], 0),
+        ("weak", [], 0),
+        ("weak broken", [], 3),
+        ("weak", [], 0),
+        ("weak hall", ["--scheduler", "tcp://127.0.0.1:1", "--workers", "1"], 2),
+    ):
+        listed.write_text("".join(f"{name}.bag\n" for name in asked.split()))
+        assert cli.run(["calibrate-many", str(listed), "--output", str(out), "--quiet", *more]) == code
+        names = {row.name for row in read_rows(out)}
+        assert names == {"room", "weak", "refused"} | ({"broken"} if "broken" in asked else set())
+        told = json.loads((out / "summary.json").read_text())
+        assert {facts["name"] for facts in told["recordings"]} == names
+        assert (told["done"], told["total"]) == (len(names), len(names) + ("hall" in asked))
+        assert (out / "summary.html").read_text().count('scope="row"') == len(names)
+
+
+def test_a_second_command_for_a_folder_is_refused_while_the_first_is_at_work(hall, monkeypatch, capsys):
+    """It dropped the first one's rows and wrote that nothing runs. Mutations: no lock; one that outlives its process."""
+    script = (
+        "from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
+        f"many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
+    )
+    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    (hall / "list.txt").write_text("room.bag\nslow.bag\n")
+    words = ["calibrate-many", str(hall / "list.txt"), "--output", str(hall / "out"), "--workers", "2", "--quiet"]
+    with subprocess.Popen([sys.executable, "-c", script, *words], cwd=ROOT) as process:
+        try:
+            wait_for(lambda: (hall / "slow.started").exists() and (hall / "out" / "room.json").exists())
+            wait_for(lambda: [row.name for row in read_rows(hall / "out")] == ["room"])
+            (hall / "one.txt").write_text("weak.bag\n")
+            words[1] = str(hall / "one.txt")
+            assert cli.run(words) == 2
+            assert f"is at work in {hall / 'out'}: wait until it has ended" in capsys.readouterr().err
+            assert [row.name for row in read_rows(hall / "out")] == ["room"]
+            assert json.loads((hall / "out" / "summary.json").read_text())["is_running"] is True
+        finally:
+            process.kill()
+    assert cli.run(words) == 0
+    assert {row.name for row in read_rows(hall / "out")} == {"room", "weak"}
+
+
 def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
     """Mutations: leave the children running; write the unfinished one's row; say that nothing was written."""
     # What a shell runs in the background inherits that Ctrl-C is ignored: tests may be.
@@ -562,7 +610,7 @@ def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(
         loser.join()
     assert [row.name for row in read_rows(hall)] == ["room"]
     wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
-    kept, ahead, _ = take_up(asked, hall)
+    kept, ahead, _, _ = take_up(asked, hall)
     assert ([row.name for row in kept], [order.name for order in ahead]) == (["room"], ["slow", "weak"])
 
 
