@@ -6,6 +6,7 @@ has not, and Numba keeps what it compiles. A note beside the caches says for whi
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import os
 import platform
@@ -15,6 +16,7 @@ import sys
 import tempfile
 from collections.abc import Sequence
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Literal, get_args
@@ -33,6 +35,8 @@ _ERRAND = ["-m", "app.kernels"]
 _BACKGROUND = ["-m", "app.kernels", "all"]
 #: Nobody waits for what a server compiles beside its work.
 _PATIENCE = 10
+#: Beside the notes: who holds it compiles.
+_LOCK_NAME = "compiling.lock"
 _LIBRARY = Path(api.__file__).parent
 
 
@@ -61,9 +65,31 @@ def compile_kernels() -> None:
     note.touch()
 
 
+@cache
+def compile_once() -> None:
+    """Compile what is not compiled, once in this process's life; others of the machine that ask the same wait for the first one.
+
+    Never an error: what could not be compiled, or has no place to be kept in, is compiled in the first recordings.
+    """
+    if is_compiled():
+        return
+    with suppress(InputError, OSError):
+        folder = note_path().parent
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / _LOCK_NAME).open("a", encoding="ascii") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not is_compiled():
+                compile_kernels()
+
+
+def is_compiled() -> bool:
+    """Whether nothing is to be compiled before a recording, or is not to be."""
+    return bool(os.environ.get(SKIP_VARIABLE)) or note_path().exists()
+
+
 def compile_in_background() -> subprocess.Popen[bytes] | None:
     """The process that compiles, with the patience of one that nobody waits for; None where all is compiled."""
-    if os.environ.get(SKIP_VARIABLE) or note_path().exists():
+    if is_compiled():
         return None
     command = [sys.executable, *_BACKGROUND]
     return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)

@@ -32,13 +32,18 @@ def fleet_listener(manner: Manner, total: int, done: Sequence[Row], where: str) 
         with Live(get_renderable=table.render, console=stderr_console(), refresh_per_second=2):
             yield table.add
     elif manner is Manner.plain:
-        kept = f", {len(done)} are done already" if done else ""
-        sys.stderr.write(f"{total} recordings{kept}; {where}\n")
+        kept = f", {len(done)} done already" if done else ""
+        sys.stderr.write(f"{recordings(total)}{kept}; {where}\n")
         yield lambda row: _write(row_line(row))
     elif manner is Manner.json:
         yield lambda row: _write(json_line(row))
     else:
         yield lambda _: None
+
+
+def recordings(count: int) -> str:
+    """So many, in words."""
+    return f"{count} recording{'' if count == 1 else 's'}"
 
 
 def row_line(row: Row) -> str:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
-from app.cli.fleet_table import counts, fleet_listener
+from app.cli.fleet_table import counts, fleet_listener, recordings
 from app.cli.terminal import Manner
-from app.fleet.campaign import ASIDE, run_fleet, take_up
+from app.fleet.alone import alone_in
+from app.fleet.campaign import ASIDE, TakenUp, run_fleet, take_up
 from app.fleet.executors import Executor, LocalProcesses
 from app.fleet.find import document_names, find_recordings
 from app.fleet.made_of import asked_beside, why_again
@@ -25,50 +27,49 @@ def calibrate_all(
     chosen: argparse.Namespace, reading: ReadSettings, solving: CalibrateSettings, manner: Manner
 ) -> list[Row]:
     """The rows of all recordings. A sentence is raised before anything runs where the call is at fault."""
-    folder = _output_folder(chosen.output)
-    orders = orders_of(chosen, reading, solving)
-    done, ahead, others = take_up(orders, folder)
-    if others:
-        _tell_again(why_again(others, folder / ASIDE), manner)
-    if not ahead:
-        Overview(folder, done, total=len(orders)).write(is_running=False)
-    rows = list(done) + (_run(ahead, done, folder, chosen, manner) if ahead else [])
+    folder = chosen.output
+    with alone_in(folder):
+        left = take_up(orders_of(chosen, reading, solving), folder)
+        if left.others:
+            _tell(manner, "fleet.again", why_again(left.others, folder / ASIDE))
+        rows = left.done + _run(left, folder, chosen, manner)
     if manner in {Manner.live, Manner.plain}:
         sys.stderr.write(
-            f"{len(rows)} recordings: {counts(rows)}; {folder / NAME} has them all, {PAGE_NAME} shows them\n"
+            f"{recordings(len(rows))}: {counts(rows)}; {folder / NAME} has them all, {PAGE_NAME} shows them\n"
         )
     return rows
 
 
-def _tell_again(text: str, manner: Manner) -> None:
+def _tell(manner: Manner, code: str, text: str) -> None:
     if manner in {Manner.live, Manner.plain}:
         sys.stderr.write(text + "\n")
     elif manner is Manner.json:
-        sys.stderr.write(
-            json.dumps({"event": "log", "level": "info", "code": "fleet.again", "text": f"{text}."}) + "\n"
-        )
+        sys.stderr.write(json.dumps({"event": "log", "level": "info", "code": code, "text": f"{text}."}) + "\n")
+    sys.stderr.flush()
 
 
-def _run(
-    ahead: list[FleetOrder], done: list[Row], folder: Path, chosen: argparse.Namespace, manner: Manner
-) -> list[Row]:
-    """The rows of what is still to run.   done: those of what was found finished."""
-    total = len(ahead) + len(done)
-    executor = choose_executor(chosen.scheduler, chosen.workers)
-    overview = Overview(folder, done, total=total, where=executor.where)
-    with fleet_listener(manner, total, done, executor.where) as tell:
+def _run(left: TakenUp, folder: Path, chosen: argparse.Namespace, manner: Manner) -> list[Row]:
+    """The rows of what is still to run, none where nothing is."""
+    total = len(left.ahead) + len(left.done)
+    overview = Overview(folder, left.besides + left.done, total=total + len(left.besides))
+    try:
+        if not left.ahead:
+            return []
+        executor = choose_executor(chosen.scheduler, chosen.workers)
+        overview.where = executor.where
+        overview.write(is_running=True)
+        executor.prepare(partial(_tell, manner))
+        with fleet_listener(manner, total, left.done, executor.where) as tell:
 
-        def on_row(row: Row) -> None:
-            overview.add(row)
-            tell(row)
+            def on_row(row: Row) -> None:
+                overview.add(row)
+                tell(row)
 
-        try:
-            overview.write(is_running=True)
-            return run_fleet(ahead, folder, executor, on_row)
-        except KeyboardInterrupt:
-            raise Stopped(folder) from None
-        finally:
-            overview.write(is_running=False)
+            return run_fleet(left.ahead, folder, executor, on_row)
+    except KeyboardInterrupt:
+        raise Stopped(folder) from None
+    finally:
+        overview.write(is_running=False)
 
 
 class Stopped(KeyboardInterrupt):
@@ -87,10 +88,10 @@ def orders_of(chosen: argparse.Namespace, reading: ReadSettings, solving: Calibr
         api.read_planes(planes)
     if guess is not None:
         api.read_initial_guess(guess)
-    recordings = find_recordings(chosen.source)
+    found = find_recordings(chosen.source)
     rows = read_rows(chosen.output)
-    known = {Path(row.recording): row.name for row in rows} | moved(recordings, rows, chosen.output)
-    names = document_names(recordings, known)
+    known = {Path(row.recording): row.name for row in rows} | moved(found, rows, chosen.output)
+    names = document_names(found, known)
     memory_bytes = None if chosen.memory_limit_mb is None else chosen.memory_limit_mb * 10**6
     asked = asked_beside(reading, planes, guess)
     return [
@@ -105,7 +106,7 @@ def orders_of(chosen: argparse.Namespace, reading: ReadSettings, solving: Calibr
             time_limit_s=chosen.time_limit_s,
             memory_bytes=memory_bytes,
         )
-        for path in recordings
+        for path in found
     ]
 
 
@@ -126,18 +127,8 @@ def without_document(rows: list[Row]) -> str | None:
     if not missing:
         return None
     first = missing[0]
-    count = f"{len(missing)} of {len(rows)} recordings ha{'s' if len(missing) == 1 else 've'} no document"
+    count = f"{len(missing)} of {recordings(len(rows))} ha{'s' if len(missing) == 1 else 've'} no document"
     return f"{count}; the first is {first.name}: {first.sentence}"
-
-
-def _output_folder(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"Expected a folder for the documents at {folder}, but it cannot be made ({error.strerror}); choose another."
-        ) from error
-    return folder
 
 
 def _whole(path: Path | None) -> Path | None:

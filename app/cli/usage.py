@@ -6,6 +6,9 @@ import argparse
 import math
 from typing import Literal, NoReturn
 
+#: What the program fills with a recording's first scans.
+LEAST_MEMORY_MB = 200
+
 
 class UsageError(Exception):
     """The words do not fit; str() is one sentence."""
@@ -27,6 +30,15 @@ def natural(text: str) -> int:
 def positive(text: str) -> int:
     """A whole number from 1 on."""
     return _whole(text, 1)
+
+
+def megabytes(text: str) -> int:
+    """Memory for one recording [MB]."""
+    if not text.isdecimal() or int(text) < LEAST_MEMORY_MB:
+        raise argparse.ArgumentTypeError(
+            f"expected {LEAST_MEMORY_MB} MB or more, since no recording is read with less, but found `{text}`"
+        )
+    return int(text)
 
 
 def seconds(text: str) -> float:

@@ -9,13 +9,11 @@ from typing import NamedTuple
 
 from app.fleet.executors import Executor
 from app.fleet.made_of import Stored, stored
-from app.fleet.orders import FleetOrder, FleetOutcome
+from app.fleet.orders import OTHER_VERSION, TRIES, FleetOrder, FleetOutcome
 from app.fleet.summary import Row, add_row, documented, read_rows, row_of, write_rows
 from app.storage.atomic import write_text
 from calib_core.errors import InputError
 
-#: A recording whose worker was lost is tried so often in all: one that kills its worker every time must not go on for ever.
-TRIES = 3
 #: In the output folder: documents of what is not asked any more.
 ASIDE = "earlier"
 #: Ctrl-C is heard between two looks.
@@ -28,18 +26,20 @@ class TakenUp(NamedTuple):
     """What an earlier run has left.
 
     done: rows of recordings that have their documents.   ahead: the orders still to run.   others: of those of them that had a
-    document of something else, what differs; these documents are in the folder ASIDE by now.
+    document of something else, what differs; these documents are in the folder ASIDE by now.   besides: rows of documents that
+    nobody asks for this time.
     """
 
     done: list[Row]
     ahead: list[FleetOrder]
     others: list[tuple[str, ...]]
+    besides: list[Row]
 
 
 def take_up(orders: Sequence[FleetOrder], folder: Path) -> TakenUp:
     """What an earlier run has left in the folder, where afterwards no document is of something else than is asked."""
     rows = {row.name: row for row in read_rows(folder)}
-    left = TakenUp([], [], [])
+    left = TakenUp([], [], [], [])
     for order in orders:
         found = documented(order, folder, rows)
         if isinstance(found, Row):
@@ -50,8 +50,8 @@ def take_up(orders: Sequence[FleetOrder], folder: Path) -> TakenUp:
             left.others.append(found)
             _set_aside(folder / f"{order.name}.json")
     asked = {order.name for order in orders}
-    not_asked = [row for name, row in rows.items() if row.has_document and name not in asked]
-    write_rows(folder, [*not_asked, *left.done])
+    left.besides.extend(row for name, row in rows.items() if row.has_document and name not in asked)
+    write_rows(folder, [*left.besides, *left.done])
     return left
 
 
@@ -70,6 +70,7 @@ def _set_aside(document: Path) -> None:
 def run_fleet(orders: Sequence[FleetOrder], folder: Path, executor: Executor, on_row: OnRow) -> list[Row]:
     """Run the orders; their rows, each on the disk with its document before on_row hears of it.
 
+    Raises InputError where a worker is of another version: its answers must not get into the same table.
     However this is left, nothing goes on running, and what was finished stays.
     """
     rows: list[Row] = []
@@ -84,6 +85,9 @@ def run_fleet(orders: Sequence[FleetOrder], folder: Path, executor: Executor, on
             for future in wait(waiting, timeout=_LOOK_S, return_when=FIRST_COMPLETED).done:
                 order, tries = waiting.pop(future)
                 outcome = outcome_of(future, order)
+                if outcome.code == OTHER_VERSION:
+                    raise InputError(outcome.text)
+                tries = max(tries, outcome.tries)  # a cluster gives what a lost worker had to another one by itself
                 if outcome.is_lost and tries < TRIES:
                     waiting[executor.start(order.model_dump_json())] = (order, tries + 1)
                     continue

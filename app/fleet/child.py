@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import importlib
 import os
-import resource
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event as ProcessEvent
 from typing import cast
 
 from app.children import stay_with
-from app.fleet.orders import FleetOrder, FleetOutcome
+from app.fleet.orders import FleetOrder, FleetOutcome, out_of_memory
+from app.limits import bound_allocations, is_for_want_of_memory
 from app.process import keep_freed_memory, leave, say_nothing_of_numbers
 from calib_core.errors import UnsweepError
 
@@ -39,31 +39,16 @@ def perform(order: FleetOrder, entry: str) -> FleetOutcome:
     module, _, name = entry.partition(":")
     try:
         if order.memory_bytes is not None:
-            _bound_memory(order.memory_bytes)
+            bound_allocations(order.memory_bytes)
         function = cast(FleetFunction, getattr(importlib.import_module(module), name))
         return FleetOutcome(document=function(order))
-    except UnsweepError as error:
-        return FleetOutcome(code=error.code, text=str(error))
-    except MemoryError:
-        return FleetOutcome(code="job.memory", text=_too_much(order))
     except Exception as error:  # noqa: BLE001  the boundary: one recording's defect must not stop the others
+        if isinstance(error, MemoryError) or (order.memory_bytes is not None and is_for_want_of_memory(error)):
+            return out_of_memory(order)
+        if isinstance(error, UnsweepError):
+            return FleetOutcome(code=error.code, text=str(error))
         said = " ".join(str(error).split())
         text = (
             f"A defect in unsweep stopped it at {order.recording} ({type(error).__name__}: {said}); please report it."
         )
         return FleetOutcome(code="defect", text=text)
-
-
-def _bound_memory(memory_bytes: int) -> None:
-    """What the process allocates, not what it maps of files; and no core file, which would hold the recording."""
-    for kind, most in ((resource.RLIMIT_DATA, memory_bytes), (resource.RLIMIT_CORE, 0)):
-        _, hard = resource.getrlimit(kind)
-        bound = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(kind, (bound, bound))
-
-
-def _too_much(order: FleetOrder) -> str:
-    most = (
-        "memory than there is" if order.memory_bytes is None else f"than the {order.memory_bytes / 1e6:.0f} MB allowed"
-    )
-    return f"{order.recording} needed more {most}: allow more with --memory-limit-mb, or calibrate a part with --end-s."

@@ -3,17 +3,25 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Protocol
 
 from app.fleet.job import CALIBRATE, run_order
+from app.kernels import compile_once, is_compiled
 from calib_core.threads import usable_cores
+
+#: Tells a person: a code, and what is to be said.
+Tell = Callable[[str, str], None]
 
 
 class Executor(Protocol):
     """Takes orders and gives a future of each outcome, JSON both; a future that raises is an order lost on the way."""
 
     where: str
+
+    def prepare(self, tell: Tell) -> None:
+        """Have done what the first recording would wait for, and tell what a person waits for."""
 
     def start(self, order_text: str) -> Future[str]:
         """Have it run as soon as there is room."""
@@ -32,6 +40,12 @@ class LocalProcesses:
         self._stopping = threading.Event()
         # Its threads only wait: each has a process that does the work.
         self._threads = ThreadPoolExecutor(count, thread_name_prefix="fleet")
+
+    def prepare(self, tell: Tell) -> None:
+        """Compile loops, which may take a minute and is in no recording's time."""
+        if self._entry == CALIBRATE and not is_compiled():
+            tell("fleet.compiling", "Compiling the program's loops for this machine (once, about a minute)")
+            compile_once()
 
     def start(self, order_text: str) -> Future[str]:
         """Run it in a process of its own when one of the threads is free."""

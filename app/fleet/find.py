@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import itertools
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from app.recordings.folder import is_recording_file, is_recording_folder
+from app.storage.files import SUFFIXES
 from calib_core.errors import InputError
 
 _COMPRESSED = (".gz", ".zst", ".zstd")
 
 
 def find_recordings(source: Path) -> list[Path]:
-    """Whole paths, each once, in order.   source: a folder, searched to its bottom, or a list with a path a line.
+    """Whole paths, each recording once, in order.   source: a folder, searched to its bottom, or a list with a path a line.
 
+    Links are followed; one that leads nowhere is a recording that is not there, and whoever reads it says so.
     A list's paths are taken from the list's own folder, those of one that comes through a pipe (a shell's <(...)) from the
     present one; empty lines and those that start with # are left out.
     """
@@ -32,17 +35,47 @@ def find_recordings(source: Path) -> list[Path]:
         raise InputError(
             f"Expected recordings in {source}, but found none: .bag, .mcap, .db3 and ROS 2 folders are looked for."
         )
-    return list(dict.fromkeys(path.absolute() for path in found))
+    return _each_once(path.absolute() for path in found)
+
+
+def _each_once(paths: Iterable[Path]) -> list[Path]:
+    """Of each recording its own path where that is among them, else one that is no link, else the first: links and `..` lead to
+    the same recording.
+    """
+    spelled: dict[str, list[Path]] = {}
+    for path in paths:
+        spelled.setdefault(os.path.realpath(path), []).append(path)  # of a link that leads round in a circle too
+    return [min(ways, key=lambda way: (str(way) != real, way.is_symlink())) for real, ways in spelled.items()]
 
 
 def _below(folder: Path) -> Iterator[Path]:
+    """What is in the folder first, then what links in it lead to; each folder is entered once, wherever links lead."""
+    entered: set[str] = set()
+    ahead = [folder]
+    while ahead:
+        yield from _walked(ahead.pop(0), entered, ahead)
+
+
+def _walked(folder: Path, entered: set[str], links: list[Path]) -> Iterator[Path]:
+    """The recordings in a folder, to its bottom.   entered: real paths of folders, added to.   links: to others, added to."""
+    real = os.path.realpath(folder)
+    if real in entered:
+        return
+    entered.add(real)
     for child in sorted(folder.iterdir()):
         if child.name.startswith("."):
             continue
-        if is_recording_file(child) or is_recording_folder(child):
+        if is_recording_file(child) or is_recording_folder(child) or _leads_nowhere(child):
             yield child
-        elif child.is_dir() and not child.is_symlink():
-            yield from _below(child)
+        elif child.is_symlink() and child.is_dir():
+            links.append(child)
+        elif child.is_dir():
+            yield from _walked(child, entered, links)
+
+
+def _leads_nowhere(child: Path) -> bool:
+    """Whether it is a link of a recording's name to what is not there."""
+    return child.is_symlink() and not child.exists() and child.name.lower().endswith(SUFFIXES)
 
 
 def _listed(source: Path, folder: Path) -> Iterator[Path]:

@@ -10,12 +10,12 @@ import uuid
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from app.fleet.cluster import is_dropped
+from app.fleet.cluster import is_dropped, other_version
+from app.fleet.orders import OTHER_VERSION
 from app.jobs.launch import ProcessLauncher, RunningJob
 from app.jobs.orders import Begun, Failed, Order, Parcel
 from app.limits import LEAST_MEMORY_BYTES, fair_memory_bytes
 from app.schemas.common import ErrorFacts
-from calib_core import __version__
 
 if TYPE_CHECKING:
     from distributed import Worker
@@ -49,8 +49,9 @@ def _seen_through(
 ) -> Iterator[Parcel]:
     """What the order's process tells on its way, but for that it has begun."""
     key = str(worker.get_current_task())
-    if version != __version__:
-        yield Failed(error=_other_version(worker, version))
+    other = other_version(worker, version, "server")
+    if other is not None:
+        yield Failed(error=ErrorFacts(code=OTHER_VERSION, text=other))
         return
     order = Order.model_validate_json(order_text)
     if not _sees(order):
@@ -102,11 +103,3 @@ def _unseen(worker: Worker) -> ErrorFacts:
         "mount it on the workers under the same path, run both as the same user, then run the job again."
     )
     return ErrorFacts(code="job.unseen", text=text)
-
-
-def _other_version(worker: Worker, version: str) -> ErrorFacts:
-    text = (
-        f"The worker {worker.name} has unsweep {__version__} and the server {version}: "
-        "install the same on both, then run the job again."
-    )
-    return ErrorFacts(code="job.other_version", text=text)

@@ -35,13 +35,16 @@ MARKS: dict[Verdict, str] = {"calibrated": "✓", "weak": "~", "refused": "✕",
 
 
 class Overview:
-    """Both files of one run.   rows: what was there before.   total: recordings in all.   where: it runs, for people."""
+    """Both files of one run.   rows: what was there before.   total: recordings in all.
+
+    where: it runs, for people; known once there is something to run.
+    """
 
     def __init__(self, folder: Path, rows: Iterable[Row], *, total: int, where: str = "") -> None:
         self._folder = folder
         self._rows = {row.name: row for row in rows}
         self._total = total
-        self._where = where
+        self.where = where
         self._next_s = 0.0
 
     def add(self, row: Row) -> None:
@@ -55,7 +58,7 @@ class Overview:
         start_s = time.monotonic()
         rows = sorted(self._rows.values(), key=lambda row: row.name.casefold())
         write_text(self._folder / JSON_NAME, as_json(rows, total=self._total, is_running=is_running))
-        write_text(self._folder / PAGE_NAME, as_page(rows, total=self._total, where=self._where, is_running=is_running))
+        write_text(self._folder / PAGE_NAME, as_page(rows, total=self._total, where=self.where, is_running=is_running))
         end_s = time.monotonic()
         self._next_s = end_s + max(_LEAST_PAUSE_S, _PAUSE * (end_s - start_s))
 

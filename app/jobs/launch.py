@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from typing import Protocol
 
 from app.children import TERMINATE_GRACE_S, Child, begin, get_ready, kill_group
-from app.jobs.orders import PARCEL, Begun, Order, Parcel
+from app.jobs.orders import PARCEL, Begun, Failed, Happened, Order, Parcel
 from app.jobs.worker import run_worker
+from app.limits import JobLimits, out_of_memory, takes_too_much
 
-#: So often a process that says nothing is looked at: a child that it left behind may hold its pipe open.
-DEATH_POLL_S = 0.5
+#: So often a process is looked at: what it takes, and whether it is there, since what it left behind may hold its pipe open.
+_LOOK_S = 0.1
 
 
 class RunningJob(Protocol):
@@ -51,7 +52,7 @@ class ProcessLauncher:
 
     def launch(self, order: Order) -> RunningJob:
         """Start the job in a process of its own."""
-        return JobProcess(begin(run_worker, self._entry, order.model_dump_json()))
+        return JobProcess(begin(run_worker, self._entry, order.model_dump_json()), order.limits)
 
     def slots(self) -> None:
         """As many as the settings say."""
@@ -65,10 +66,11 @@ class ProcessLauncher:
 
 
 class JobProcess:
-    """A job's process."""
+    """A job's process.   limits: what it may take; of memory that is seen to here."""
 
-    def __init__(self, child: Child) -> None:
+    def __init__(self, child: Child, limits: JobLimits | None) -> None:
         self._child = child
+        self._limits = limits
 
     @property
     def pid(self) -> int | None:
@@ -77,13 +79,18 @@ class JobProcess:
 
     def parcels(self) -> Iterator[Parcel]:
         """What the worker tells, until it ends; the process is gone afterwards, and all that it has started."""
-        said, process = self._child.said, self._child.process
+        said, process, is_over = self._child.said, self._child.process, False
         try:
             yield Begun()
-            while said.poll(DEATH_POLL_S) or process.is_alive() or said.poll():
-                if not said.poll():
-                    continue
-                yield PARCEL.validate_json(said.recv_bytes())
+            while said.poll(_LOOK_S) or process.is_alive() or said.poll():
+                if said.poll():
+                    parcel = PARCEL.validate_json(said.recv_bytes())
+                    yield parcel
+                    is_over = not isinstance(parcel, Happened)
+                if not is_over and self._takes_too_much():
+                    kill_group(process)
+                    yield Failed(error=out_of_memory(self._limits))
+                    return
         except (EOFError, OSError):
             return
         finally:
@@ -100,6 +107,10 @@ class JobProcess:
             killing = threading.Timer(TERMINATE_GRACE_S, self._kill)
             killing.daemon = True
             killing.start()
+
+    def _takes_too_much(self) -> bool:
+        pid = self._child.process.pid
+        return self._limits is not None and pid is not None and takes_too_much(pid, self._limits.memory_bytes)
 
     def _kill(self) -> None:
         if self._child.process.is_alive():

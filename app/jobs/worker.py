@@ -19,7 +19,7 @@ from app.children import stay_with
 from app.jobs.coalesce import Coalescer
 from app.jobs.naming import by_name
 from app.jobs.orders import Failed, Finished, Happened, Order, Stopped
-from app.limits import apply_limits, full_disk, out_of_memory
+from app.limits import apply_limits, full_disk, is_for_want_of_memory, out_of_memory
 from app.process import keep_freed_memory, leave, say_nothing_of_numbers
 from app.schemas.common import ErrorDetails, ErrorFacts
 from app.schemas.jobs import Outcome
@@ -64,16 +64,14 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         return Finished(outcome=outcome)
     except Cancelled:
         return Stopped()
-    except UnsweepError as error:
-        on_event.flush()
-        candidates = list(error.candidates) if isinstance(error, TopicError) else []
-        details = ErrorDetails(candidates=candidates) if candidates else None
-        return Failed(error=ErrorFacts(code=error.code, text=by_name(order, str(error)), details=details))
-    except MemoryError:
-        return Failed(error=out_of_memory(order.limits))
     except (BrokenPipeError, ConnectionResetError):
         raise
     except Exception as error:  # noqa: BLE001 - the boundary: a defect becomes a sentence, its traceback goes to the job's log
+        if isinstance(error, MemoryError) or (order.limits is not None and is_for_want_of_memory(error)):
+            return Failed(error=out_of_memory(order.limits))
+        if isinstance(error, UnsweepError):
+            on_event.flush()
+            return Failed(error=_told(order, error))
         if isinstance(error, OSError) and (facts := full_disk(error)) is not None:
             return Failed(error=facts)
         traceback.print_exc()
@@ -82,6 +80,12 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         )
         text += "data directory. Please report it."
         return Failed(error=ErrorFacts(code="defect", text=text))
+
+
+def _told(order: Order, error: UnsweepError) -> ErrorFacts:
+    candidates = list(error.candidates) if isinstance(error, TopicError) else []
+    details = ErrorDetails(candidates=candidates) if candidates else None
+    return ErrorFacts(code=error.code, text=by_name(order, str(error)), details=details)
 
 
 def _resolve(entry: str) -> JobFunction:

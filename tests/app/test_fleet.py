@@ -13,6 +13,7 @@ import sys
 import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import psutil
@@ -20,11 +21,11 @@ import pytest
 
 from app.cli import main as cli
 from app.cli import many
-from app.fleet.campaign import ASIDE, TRIES, run_fleet, take_up
+from app.fleet.campaign import ASIDE, run_fleet, take_up
 from app.fleet.executors import LocalProcesses
 from app.fleet.find import document_names, find_recordings
 from app.fleet.made_of import CHANGED, asked_beside, stored
-from app.fleet.orders import FleetOrder, FleetOutcome
+from app.fleet.orders import TRIES, FleetOrder, FleetOutcome
 from app.fleet.summary import NAME, add_row, read_rows, row_of
 from calib_core import api
 from calib_core.errors import InputError
@@ -82,6 +83,40 @@ def test_a_folder_and_a_list_are_looked_through(tmp_path):
     for wrong, words in ((tmp_path / "b.bag", "one recording"), (tmp_path / "none", "found nothing")):
         with pytest.raises(InputError, match=words):
             find_recordings(wrong)
+
+
+def test_links_are_followed_and_each_recording_is_found_once(tmp_path):
+    """Mutations: links not entered; a circle entered for ever; one that leads nowhere left out; a file counted again under a
+    link's name, or named by the link though its own name is there, or is reached by a link itself.
+    """
+    folder, other = tmp_path / "folder", tmp_path / "other"
+    for path in (folder / "deep" / "z.bag", other / "far.mcap"):
+        path.parent.mkdir(parents=True)
+        path.touch()
+    (folder / "aside").symlink_to(other)
+    (folder / "deep" / "up").symlink_to(folder)
+    (other / "back").symlink_to(folder)
+    (folder / "a.bag").symlink_to(folder / "deep" / "z.bag")
+    (folder / "gone.bag").symlink_to(tmp_path / "nowhere.bag")
+    (folder / "round.bag").symlink_to(folder / "round.bag")
+    (folder / "gone.txt").symlink_to(tmp_path / "nowhere.txt")
+    found = [folder / "deep" / "z.bag", folder / "gone.bag", folder / "round.bag", folder / "aside" / "far.mcap"]
+    assert find_recordings(folder) == found
+    assert find_recordings(folder / "aside") == [
+        folder / "aside" / "far.mcap",
+        *(folder / "aside" / "back" / path for path in ("deep/z.bag", "gone.bag", "round.bag")),
+    ]
+
+
+def test_a_recording_that_a_list_spells_twice_is_run_once(tmp_path):
+    """Mutation: paths compared as they are written."""
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "room.bag").touch()
+    listed = tmp_path / "list.txt"
+    listed.write_text("deep/../room.bag\nroom.bag\n./deep/../deep/gone.bag\ndeep/gone.bag\n")
+    assert find_recordings(listed) == [tmp_path / "room.bag", tmp_path / "deep" / "gone.bag"]
+    listed.write_text("deep/../room.bag\n")
+    assert find_recordings(listed) == [tmp_path / "deep" / ".." / "room.bag"]
 
 
 def test_a_list_may_come_through_a_pipe(tmp_path, monkeypatch):
@@ -144,6 +179,56 @@ def test_limits_of_time_and_memory_are_kept_and_said(hall):
         assert not is_alive(int((hall / "slow.started").read_text()))
 
 
+def test_what_is_filled_counts_not_what_is_allocated_and_nothing_hangs(hall):
+    """A numerical library that is refused a buffer asks again for ever; a thread without a stack is a RuntimeError.
+
+    Mutations: nobody looks at what a process takes (hungry is calibrated); RLIMIT_DATA at the limit (roomy fails); its being
+    near not looked at (stubborn runs into the time); any RuntimeError a defect; causes not looked at; or without a bound too.
+    """
+    most = {"memory_bytes": 500 * 10**6, "time_limit_s": PATIENCE_S}
+    bounded = orders(hall, "hungry", "roomy", "stubborn", "threads", "caused", **most)
+    rows = run_here([*bounded, *orders(hall, "caused-free")], hall)
+    assert {name: row.code for name, row in rows.items()} == {
+        "hungry": "job.memory",
+        "roomy": "",
+        "stubborn": "job.memory",
+        "threads": "job.memory",
+        "caused": "job.memory",
+        "caused-free": "defect",
+    }
+    assert rows["hungry"].sentence.startswith(f"{hall / 'hungry.bag'} needed more than the 500 MB allowed: allow more")
+
+
+def test_a_bound_with_which_nothing_can_be_read_is_refused_at_once(hall, capsys):
+    """Mutation: any whole number."""
+    command = ["calibrate-many", str(hall), "--output", str(hall / "out"), "--memory-limit-mb"]
+    assert cli.run([*command, "20"]) == 2
+    assert "expected 200 MB or more" in capsys.readouterr().err
+    assert not (hall / "out").exists()
+
+
+def test_loops_are_compiled_before_the_first_recording_with_a_word(hall, monkeypatch):
+    """Mutations: nothing said or compiled here; said where all is compiled; a worker that compiles in a recording's time."""
+    from app.fleet import cluster, executors
+
+    done, told = [], []
+    monkeypatch.setattr(executors, "compile_once", lambda: done.append("compiled"))
+    for is_compiled in (True, False):
+        monkeypatch.setattr(executors, "is_compiled", lambda known=is_compiled: known)
+        LocalProcesses(1).prepare(lambda code, text: told.append((code, text)))
+    assert done == ["compiled"]
+    assert told == [("fleet.compiling", "Compiling the program's loops for this machine (once, about a minute)")]
+
+    distributed = pytest.importorskip("distributed")
+    worker = SimpleNamespace(name="w", get_current_task=lambda: "key")
+    monkeypatch.setattr(distributed, "get_worker", lambda: worker)
+    monkeypatch.setattr(cluster, "compile_once", lambda: done.append("compiled there"))
+    monkeypatch.setattr(cluster, "counted", lambda *_: done.append("run") or "{}")
+    order = orders(hall, "room")[0].model_dump_json()
+    cluster.run_on_worker(order, cluster.CALIBRATE, version=cluster.__version__, counter="")
+    assert done == ["compiled", "compiled there", "run"]
+
+
 def test_a_killed_process_loses_no_recording(hall):
     """Mutations: do not run what was lost again; run it for ever."""
     asked = orders(hall, "sleepy", "room", "doomed")
@@ -171,7 +256,7 @@ def test_a_fleet_goes_on_where_it_stopped(hall):
     (hall / "hall.json").unlink()
     with (hall / NAME).open("a") as file:
         file.write("yard,/yard.bag,calib")
-    done, ahead, others = take_up(asked, hall)
+    done, ahead, others, _ = take_up(asked, hall)
     assert others == []
     assert [row.name for row in done] == ["room"]
     assert [order.name for order in ahead] == ["hall", "broken"]
@@ -369,6 +454,54 @@ def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monk
     assert cli.run([*command, "--scheduler", "tcp://127.0.0.1:1", "--workers", "1"]) == 2
 
 
+def test_the_table_is_the_same_in_all_three_files_when_less_is_asked(hall, monkeypatch):
+    """The folder has the documents still. Oracle: the files, read back. Mutations: those not asked left out of JSON and page, or
+    of the CSV; the JSON of the run before left where nothing can be run.
+    """
+    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    listed, out = hall / "list.txt", hall / "out"
+    for asked, more, code in (
+        ("room weak refused", [], 0),
+        ("weak", [], 0),
+        ("weak broken", [], 3),
+        ("weak", [], 0),
+        ("weak hall", ["--scheduler", "tcp://127.0.0.1:1", "--workers", "1"], 2),
+    ):
+        listed.write_text("".join(f"{name}.bag\n" for name in asked.split()))
+        assert cli.run(["calibrate-many", str(listed), "--output", str(out), "--quiet", *more]) == code
+        names = {row.name for row in read_rows(out)}
+        assert names == {"room", "weak", "refused"} | ({"broken"} if "broken" in asked else set())
+        told = json.loads((out / "summary.json").read_text())
+        assert {facts["name"] for facts in told["recordings"]} == names
+        assert (told["done"], told["total"]) == (len(names), len(names) + ("hall" in asked))
+        assert (out / "summary.html").read_text().count('scope="row"') == len(names)
+
+
+def test_a_second_command_for_a_folder_is_refused_while_the_first_is_at_work(hall, monkeypatch, capsys):
+    """It dropped the first one's rows and wrote that nothing runs. Mutations: no lock; one that outlives its process."""
+    script = (
+        "from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
+        f"many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
+    )
+    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    (hall / "list.txt").write_text("room.bag\nslow.bag\n")
+    words = ["calibrate-many", str(hall / "list.txt"), "--output", str(hall / "out"), "--workers", "2", "--quiet"]
+    with subprocess.Popen([sys.executable, "-c", script, *words], cwd=ROOT) as process:
+        try:
+            wait_for(lambda: (hall / "slow.started").exists() and (hall / "out" / "room.json").exists())
+            wait_for(lambda: [row.name for row in read_rows(hall / "out")] == ["room"])
+            (hall / "one.txt").write_text("weak.bag\n")
+            words[1] = str(hall / "one.txt")
+            assert cli.run(words) == 2
+            assert f"is at work in {hall / 'out'}: wait until it has ended" in capsys.readouterr().err
+            assert [row.name for row in read_rows(hall / "out")] == ["room"]
+            assert json.loads((hall / "out" / "summary.json").read_text())["is_running"] is True
+        finally:
+            process.kill()
+    assert cli.run(words) == 0
+    assert {row.name for row in read_rows(hall / "out")} == {"room", "weak"}
+
+
 def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
     """Mutations: leave the children running; write the unfinished one's row; say that nothing was written."""
     # What a shell runs in the background inherits that Ctrl-C is ignored: tests may be.
@@ -429,6 +562,33 @@ def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
         wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
 
 
+@pytest.mark.parametrize("allowed", [1, 3])
+def test_an_order_that_kills_its_workers_kills_three_and_no_more(hall, monkeypatch, allowed):
+    """Real workers, which their nannies start again. dask gives it to the next one by itself, by its own count.
+
+    Mutations: begun not counted, which kills twelve; the count not taken for tries; counted anew where dask gives it up.
+    """
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", str(allowed))
+    cluster = pytest.importorskip("app.fleet.cluster")
+    with dask_processes(hall, 2, nannies=True) as (address, _):
+        rows = {
+            row.name: row for row in run_fleet(orders(hall, "murder"), hall, cluster.DaskCluster(address, FAKE), print)
+        }
+    assert (hall / "murder.begun").read_text() == "x" * TRIES
+    assert (rows["murder"].verdict, rows["murder"].code, rows["murder"].tries) == ("failed", "job.lost", TRIES)
+    assert "--memory-limit-mb" in rows["murder"].sentence
+
+
+def test_a_worker_of_another_version_ends_the_fleet_before_it_has_an_answer(hall, monkeypatch):
+    """Its answers would be in the same table. Mutations: no look at the version; a row of it, and the next one's."""
+    cluster = pytest.importorskip("app.fleet.cluster")
+    with dask_processes(hall, 1) as (address, _):
+        monkeypatch.setattr(cluster, "__version__", "0.0.1")
+        with pytest.raises(InputError, match=r"has unsweep .* and the command 0\.0\.1: install the same on both"):
+            run_fleet(orders(hall, "room", "weak"), hall, cluster.DaskCluster(address, FAKE), print)
+    assert read_rows(hall) == []
+
+
 def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(hall):
     """What was finished stays, what ran is ended, the rest is run by the same call with another scheduler.
 
@@ -450,8 +610,29 @@ def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(
         loser.join()
     assert [row.name for row in read_rows(hall)] == ["room"]
     wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
-    kept, ahead, _ = take_up(asked, hall)
+    kept, ahead, _, _ = take_up(asked, hall)
     assert ([row.name for row in kept], [order.name for order in ahead]) == (["room"], ["slow", "weak"])
+
+
+def test_a_scheduler_without_a_worker_says_what_to_start(tmp_path):
+    """Nothing would happen, without end. Mutations: said nothing; said with a worker there; "1 workers"."""
+    cluster = pytest.importorskip("app.fleet.cluster")
+    told = []
+    for workers, where in ((0, "0 workers of"), (1, "1 worker of")):
+        folder = tmp_path / str(workers)
+        folder.mkdir()
+        with dask_processes(folder, workers) as (address, _):
+            client = cluster.connect(address)
+            wait_for(lambda client=client, workers=workers: len(client.nthreads()) == workers)
+            client.close()
+            executor = cluster.DaskCluster(address, FAKE)
+            assert executor.where == f"{where} {address}"
+            executor.prepare(lambda code, text: told.append((code, text)))
+            executor.stop()
+            if not workers:
+                assert told[0][0] == "fleet.no_worker"
+                assert f"start `dask worker {address} --nworkers 1 --nthreads 1`" in told[0][1]
+    assert len(told) == 1
 
 
 def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sentence(monkeypatch):

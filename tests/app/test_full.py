@@ -26,10 +26,17 @@ LONG_JOB = {"kind": "solve", "initial_guess": {"matrix": [[0.5] * 4000] * 4}}
 
 @pytest.mark.parametrize(
     ("name", "code", "words"),
-    [("greedy.bag", "job.memory", "1.1 GB a job may have"), ("filling.bag", "job.disk_full", "delete recordings")],
+    [
+        ("greedy.bag", "job.memory", "1.1 GB a job may have"),
+        ("hungry.bag", "job.memory", "1.1 GB a job may have"),
+        ("threads.bag", "job.memory", "1.1 GB a job may have"),
+        ("filling.bag", "job.disk_full", "delete recordings"),
+    ],
 )
 def test_a_job_that_asks_for_too_much_is_one_sentence(tmp_path, name, code, words):
-    """The kernel refuses. Mutations: no setrlimit, with which 64 GB are granted; an OSError told as a defect."""
+    """The kernel refuses, or whoever started the process ends it. Mutations: no setrlimit, with which 64 GB are granted; nobody
+    looks at what it takes; a thread without a stack told as a defect; so an OSError.
+    """
     with serving(tmp_path, job_memory_bytes=2**30, job_file_bytes=2**20) as live:
         job = live.finish(live.start(live.upload(name)))
         assert (job["state"], job["error"]["code"]) == ("failed", code)

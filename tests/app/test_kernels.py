@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import time
 from pathlib import Path
 
@@ -66,6 +67,43 @@ def test_a_server_compiles_once_and_takes_all_with_it(cache, monkeypatch):
     kernels.note_path().unlink()
     monkeypatch.setenv(kernels.SKIP_VARIABLE, "1")
     assert kernels.compile_in_background() is None
+
+
+def test_loops_are_compiled_once_whoever_asks(cache, monkeypatch):
+    """Threads stand for a machine's workers. Mutations: no lock; not looked again with the lock held; although told not to; a
+    failure raised, or tried before every recording.
+    """
+    begun = []
+
+    def compiling():
+        begun.append("compiled")
+        time.sleep(0.3)
+        kernels.note_path().touch()
+
+    monkeypatch.setattr(kernels, "compile_kernels", compiling)
+    once = kernels.compile_once.__wrapped__  # of as many processes
+    threads = [threading.Thread(target=once) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert begun == ["compiled"]
+    kernels.note_path().unlink()
+    with monkeypatch.context() as told:
+        told.setenv(kernels.SKIP_VARIABLE, "1")
+        once()
+    assert begun == ["compiled"]
+
+    def failing():
+        begun.append("failed")
+        raise InputError("It cannot be.")
+
+    monkeypatch.setattr(kernels, "compile_kernels", failing)
+    kernels.compile_once.cache_clear()
+    kernels.compile_once()
+    kernels.compile_once()
+    assert begun == ["compiled", "failed"]
+    kernels.compile_once.cache_clear()
 
 
 def test_the_command_says_what_it_does_and_leaves_the_note_when_it_is_done(cache, monkeypatch, capsys):

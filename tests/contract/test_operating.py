@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from sqlalchemy import create_engine, make_url
 
 from app.cli.parser import build_parser
 
@@ -84,6 +85,24 @@ def test_the_commands_of_the_containers_are_understood():
         assert understood.params.get("nthreads", 1) == 1
     url = CLUSTER["services"]["unsweep"]["environment"]["UNSWEEP_DATABASE_URL"]
     assert "@database/" in url and url.startswith("postgresql+psycopg://")
+
+
+def test_any_password_reaches_the_database(monkeypatch):
+    """Oracle: what PostgreSQL's own library would send. Mutation: the password within the address, which an @ or a / cuts."""
+    psycopg = pytest.importorskip("psycopg")
+    chosen = "p@ss/w#rd:%41"
+
+    def as_compose_does(value):
+        return re.sub(r"\$\{UNSWEEP_DATABASE_PASSWORD:\?[^}]*\}", chosen, value)
+
+    of = {name: service["environment"] for name, service in CLUSTER["services"].items() if "environment" in service}
+    assert as_compose_does(of["database"]["POSTGRES_PASSWORD"]) == chosen
+    monkeypatch.setenv("PGPASSWORD", as_compose_does(of["unsweep"].get("PGPASSWORD", "")))
+    url = as_compose_does(of["unsweep"]["UNSWEEP_DATABASE_URL"])
+    _, asked = create_engine(url).dialect.create_connect_args(make_url(url))
+    usual = {option.keyword.decode(): option.val for option in psycopg.pq.Conninfo.get_defaults()}
+    assert (asked["host"], asked["user"], asked["dbname"]) == ("database", "unsweep", "unsweep")
+    assert asked.get("password", usual["password"].decode()) == chosen
 
 
 def test_the_container_is_well_when_it_can_write_and_has_its_loops_compiled():

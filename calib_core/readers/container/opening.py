@@ -155,7 +155,11 @@ def _kind(files: list[Path]) -> RecordingKind:
 
 @contextmanager
 def _told_as_unreadable(path: Path) -> Iterator[None]:
-    """What the system says against a file becomes one sentence."""
+    """What the system says against a file becomes one sentence. What is no file or folder is not asked: a pipe may not answer."""
+    if path.exists() and not path.is_file() and not path.is_dir():
+        raise UnreadableRecording(
+            f"Expected a file or a folder at {path}, but found a pipe or a device; copy the recording into a file."
+        )
     try:
         yield
     except PermissionError as error:

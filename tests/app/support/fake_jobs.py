@@ -4,7 +4,8 @@
 - lost: works until its process is killed, once; run again it succeeds. Its process's number is in its folder
 - family: dies and leaves a child of its own behind that holds its pipes
 - crash: its process dies; defect: raises what nobody expects; broken: refuses the input
-- greedy: asks for 64 GB of memory; filling: writes a file of 8 MB
+- greedy: asks for 64 GB of memory; hungry: fills 3 GB, bit by bit, and tells of it; threads: starts one whose stack has 64 GB;
+  filling: writes a file of 8 MB
 - halfway: some of its report is there, the rest when it is told
 - refused: ends without an answer; anything else succeeds, with the world of world.py
 
@@ -17,6 +18,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import threading
 import time
 
 from app.arrays.proposals import proposal_arrays, write_proposals
@@ -103,7 +105,7 @@ def solve(order, on_event, should_cancel):
         on_event(LogEvent(level="info", code="fake.child", text=str(child)))
         time.sleep(0.1)
         os._exit(7)
-    take_too_much(name, order.folder)
+    take_too_much(name, order.folder, on_event)
     if name.startswith("defect"):
         raise ZeroDivisionError("secret internals")
     for step in range(5):
@@ -137,10 +139,18 @@ def answer(order, name):
     return solve_outcome(result)
 
 
-def take_too_much(name, folder):
+def take_too_much(name, folder, on_event):
     """Memory or disk, as the recording's name says."""
     if name.startswith("greedy"):
         bytearray(64 * 2**30)
+    kept = []
+    while name.startswith("hungry") and len(kept) < 300:
+        kept.append(b"x" * 10**7)
+        on_event(iteration(len(kept)))
+        time.sleep(0.01)
+    if name.startswith("threads"):
+        threading.stack_size(64 * 2**30)
+        threading.Thread(target=time.sleep, args=(0,)).start()
     if name.startswith("filling"):
         (folder / "big").write_bytes(bytes(8 * 2**20))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import resource
 import sqlite3
@@ -169,7 +170,12 @@ def test_files_that_are_no_recording(name: str, body: bytes, expected: str, tmp_
 
 
 def test_paths_that_are_no_recording(tmp_path: Path) -> None:
-    """Mutation: drop the existence check in `_open_all`."""
+    """Mutations: drop the existence check in `_open_all`; ask a pipe, whose archive is waited for without end."""
+    for name in ("pipe.bag", "pipe.tar"):
+        os.mkfifo(tmp_path / name)
+        with pytest.raises(UnreadableRecording, match="found a pipe or a device; copy the recording into a file"):
+            open_recording(tmp_path / name)
+        (tmp_path / name).unlink()
     with pytest.raises(UnreadableRecording, match="There is no file or folder"):
         open_recording(tmp_path / "nowhere.bag")
     with pytest.raises(UnreadableRecording, match=r"holds no \.mcap"):
