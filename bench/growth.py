@@ -22,7 +22,7 @@ from pathlib import Path
 import numpy as np
 
 from bench.lasers import LIDARS
-from bench.metrics import RATIO, Metric
+from bench.metrics import RATIO, SINGLE_SLACK, Metric
 from bench.passes import Cost, honest_pass, run_command
 from bench.speed import processor
 from bench.store import RESULTS
@@ -40,8 +40,6 @@ LASERS = (16, 32, 64, 128)
 PLANES = (3, 6, 12, 30)
 #: Of the recordings that grow in lasers or planes.
 SHORT_S = 20.0
-#: CPU by point varies by so much on a machine with other work.
-_SLACK = 0.3
 _COLUMNS = (
     "planes used",
     "points on them [million]",
@@ -152,7 +150,7 @@ def metrics_of(runs: Sequence[Grown]) -> list[Metric]:
         small, large = mine[0], mine[-1]
         key = f"{NAME}.{of}_{large.size:g}_over_{small.size:g}"
         found += [
-            Metric(key=key, value=large.passes / small.passes, unit=RATIO, direction="lower", tolerance=_SLACK),
+            Metric(key=key, value=large.passes / small.passes, unit=RATIO, direction="lower", tolerance=SINGLE_SLACK),
             Metric(key=f"{NAME}.{of}_{large.size:g}_mb", value=large.cost.memory_mb, unit="MB"),
         ]
     return found

@@ -31,7 +31,7 @@ def test_the_largest_is_held_against_the_smallest_in_passes_of_its_own():
         "growth.length_60_over_10",
         "growth.planes_30_over_3",
     ]
-    slower = metrics_of([runs[0], run("length", 60.0, 45.0, 0.5)])
+    slower = metrics_of([runs[0], run("length", 60.0, 45.0, 0.5), *runs[2:]])
     assert [slip.key for slip in slips(slower, metrics)] == ["growth.length_60_over_10"]
 
 
