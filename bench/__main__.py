@@ -2,7 +2,8 @@
 
     list                                what can be measured
     run [NAME...]                       measure, show, write bench/results/NAME.json
-    gate [NAME...]                      measure what is gated, passes, lasers and growth too; exit 1 where a ratio slipped
+    gate [NAME...]                      measure what is gated, aims, passes, lasers and growth too; exit 1 where a ratio
+                                        slipped; what is over its aim is said
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
     readme                              write the README's tables from bench/results
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
@@ -23,10 +24,22 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from bench import accuracy, bounds, campaign, fault_bounds, fault_report, fault_runs, growth, lasers, passes, starts
+from bench import (
+    accuracy,
+    aims,
+    bounds,
+    campaign,
+    fault_bounds,
+    fault_report,
+    fault_runs,
+    growth,
+    lasers,
+    passes,
+    starts,
+)
 from bench.metrics import Metric, slips
 from bench.readme import README, with_tables
 from bench.store import RESULTS, bless, read_baseline, write_results
@@ -35,7 +48,12 @@ from calib_core.errors import InputError
 from calib_core.threads import usable_cores
 
 #: What is measured beside the workloads.
-_COSTS = {passes.NAME: passes.measure, lasers.NAME: lasers.measure, growth.NAME: growth.measure}
+_COSTS: Mapping[str, Callable[[], list[Metric]]] = {
+    aims.NAME: aims.measure,
+    passes.NAME: passes.measure,
+    lasers.NAME: lasers.measure,
+    growth.NAME: growth.measure,
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -86,6 +104,9 @@ def _run(chosen: argparse.Namespace) -> int:
             sys.stdout.write(f"{lasers.NAME:24}CPU with the sensors' own parameters over that with ideal sensors.\n")
             sys.stdout.write(
                 f"{growth.NAME:24}CPU of longer recordings, of more lasers and of more planes, and their memory.\n"
+            )
+            sys.stdout.write(
+                f"{aims.NAME:24}What is asked of a minute by hand and of shorter ones, in passes over it.\n"
             )
             sys.stdout.write(f"{passes.NAME:24}Each stage's time over that of one honest pass over the recording.\n")
         case "readme":

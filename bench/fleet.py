@@ -23,7 +23,7 @@ from app.children import THREAD_CAPS
 from app.fleet.campaign import run_fleet
 from app.fleet.cluster import DaskCluster
 from app.fleet.orders import FleetOrder
-from bench.speed import processor
+from bench.machine import processor
 from bench.store import RESULTS
 from calib_core import api
 from calib_core.threads import usable_cores

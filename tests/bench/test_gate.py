@@ -13,7 +13,7 @@ from bench import growth, lasers, passes
 from bench.__main__ import gate
 from bench.growth import Grown
 from bench.metrics import Direction, Metric, slips
-from bench.passes import Cost
+from bench.passes import Cost, Spent
 from bench.readme import IDEAL, README, REAL, with_tables
 from bench.runs import Run
 from bench.store import bless, read_baseline, write_results
@@ -136,9 +136,9 @@ def test_blessing_a_workload_leaves_nothing_dead(tmp_path: Path) -> None:
 def test_every_key_of_the_baseline_is_one_that_is_measured() -> None:
     """Of costs as their workloads make them, and of a run. Mutation: a key in baseline.json that no workload makes."""
     cost = Cost(dict.fromkeys(("start", "read", "planes", "track", "initialise", "solve"), 1.0), 6.0, 3, 300.0, 8.0)
-    runs = [Grown("length", 10.0, 6, 1, 1.0, cost), Grown("length", 60.0, 6, 1, 1.0, cost)]
+    runs = [Grown("length", size, 6, 1, Spent(1.0, 1.0), cost) for size in (10.0, 60.0)]
     runs += [
-        Grown(of, size, 6, 1, 1.0, cost)
+        Grown(of, size, 6, 1, Spent(1.0, 1.0), cost)
         for of, size in (("lasers", 16), ("lasers", 128), ("planes", 3), ("planes", 30))
     ]
     once = {"off": [1.0], "auto": [1.0]}

@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from bench.metrics import slips
-from bench.passes import Apart, Cost, cost_of, honest_pass, metrics_of
+from bench.passes import Apart, Cost, cost_of, honest_pass, metrics_of, run_command
+from calib_core import api
 from calib_core.simulate import simulate
 from calib_core.simulate.sensors import OS1_64, VLP_16, XT_32, Lidar
 from tests.core.full.conftest import SHORT
@@ -69,4 +70,24 @@ def test_the_pass_reads_every_cloud(tmp_path: Path, lidar: Lidar) -> None:
     """
     bag = tmp_path / "room.bag"
     simulate(replace(SHORT, lidar=lidar), bag, seed=1, duration_s=0.5)
-    assert honest_pass(bag) > 0.0
+    spent = honest_pass(bag)
+    assert spent.clock_s > 0.0
+    assert spent.cpu_s > 0.0
+
+
+@pytest.mark.slow
+def test_a_run_is_a_whole_process_of_the_command_line(tmp_path: Path) -> None:
+    """Mutations: a refused recording is timed as if it were solved; no memory, or no CPU; another environment than is given."""
+    bag = tmp_path / "room.bag"
+    api.simulate("paper-normal", bag, seed=0, duration_s=8.0)
+    inspect = ["inspect", str(bag), "--json"]
+    cost = run_command(inspect)
+    assert 0.0 < cost.stages["start"] < cost.whole_s
+    assert cost.cpu_s > 0.0
+    assert cost.memory_mb > 100.0
+    with pytest.raises(SystemExit, match="exit code"):
+        run_command(inspect, {"PYTHONHOME": str(tmp_path)})
+    still = tmp_path / "still.bag"
+    api.simulate("static", still, seed=0, duration_s=4.0)
+    with pytest.raises(SystemExit, match="exit code"):
+        run_command(["calibrate", str(still), "--output", str(tmp_path / "none.json")])
