@@ -2,8 +2,8 @@
 
     list                                what can be measured
     run [NAME...]                       measure, show, write bench/results/NAME.json
-    gate [NAME...]                      measure what is gated, aims, passes, lasers and growth too; exit 1 where a ratio
-                                        slipped; what is over its aim is said
+    gate [NAME...]                      measure what is gated, aims, first_run, passes, lasers and growth too; exit 1 where a
+                                        ratio slipped; what is over its aim is said
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
     readme                              write the README's tables from bench/results
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
@@ -35,6 +35,7 @@ from bench import (
     fault_bounds,
     fault_report,
     fault_runs,
+    first_run,
     growth,
     lasers,
     passes,
@@ -50,6 +51,7 @@ from calib_core.threads import usable_cores
 #: What is measured beside the workloads.
 _COSTS: Mapping[str, Callable[[], list[Metric]]] = {
     aims.NAME: aims.measure,
+    first_run.NAME: first_run.measure,
     passes.NAME: passes.measure,
     lasers.NAME: lasers.measure,
     growth.NAME: growth.measure,
@@ -108,6 +110,7 @@ def _run(chosen: argparse.Namespace) -> int:
             sys.stdout.write(
                 f"{aims.NAME:24}What is asked of a minute by hand and of shorter ones, in passes over it.\n"
             )
+            sys.stdout.write(f"{first_run.NAME:24}A first calibration after the loops are compiled, over the second.\n")
             sys.stdout.write(f"{passes.NAME:24}Each stage's time over that of one honest pass over the recording.\n")
         case "readme":
             README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
