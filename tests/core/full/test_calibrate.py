@@ -126,8 +126,9 @@ def threads(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> 
 def test_any_number_of_threads_gives_the_same_answer_bit_for_bit(
     noisy: tuple[Recording, Truth], calibrated: Calibration, threads: int
 ) -> None:
-    """Against as many as the machine has. Fails when scans are summed in the order in which threads finish, or rows in as many
-    parts as there are threads. Also: every event is valid and in order.
+    """Against as many as the machine has. Also: every event is valid and in order.
+
+    Mutations, in `joint/many_scans.py`: results in another order where more than two threads work; batches a share of it for each.
     """
     assert usual_threads() == threads
     events: list[StageEvent | IterationEvent | LogEvent] = []
