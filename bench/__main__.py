@@ -6,6 +6,7 @@
                                         ratio slipped; what is over its aim is said
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
     readme                              write the README's tables from bench/results
+    answers CHECKOUT [--names]          this version's answers against another's, in sigmas: bench/results/answers.md
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
     bound-faults [SCENARIO]             the bounds with real sensors' faults as unknowns: bench/results/fault_bounds.csv
     monte-carlo SCENARIO... [--seeds]   one row a run in bench/results/monte_carlo.csv; goes on where it was stopped
@@ -30,6 +31,7 @@ from pathlib import Path
 from bench import (
     accuracy,
     aims,
+    answers,
     bounds,
     campaign,
     fault_bounds,
@@ -70,6 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _run(chosen: argparse.Namespace) -> int:
     match chosen.command:
+        case "answers":
+            return answers.main(chosen.checkout, chosen.names, chosen.folder)
         case "bound":
             bounds.compute(chosen.names or bounds.BOUNDED, jobs=chosen.jobs, folder=chosen.folder)
         case "bound-faults":
@@ -151,6 +155,12 @@ def _parser() -> argparse.ArgumentParser:
         command = commands.add_parser(name)
         command.add_argument("names", nargs="*", metavar="NAME", help="workloads; all gated ones where none is named")
         _add_jobs(command)
+    command = commands.add_parser("answers", description=answers.__doc__)
+    command.add_argument("checkout", type=Path, help="folder of the other version's sources")
+    command.add_argument(
+        "--names", nargs="+", default=[], metavar="SCENARIO", help="recordings; all where none is named"
+    )
+    _add_folder(command)
     command = commands.add_parser("bound")
     command.add_argument("names", nargs="*", metavar="SCENARIO", help=f"default: {' '.join(bounds.BOUNDED)}")
     _add_jobs(command)

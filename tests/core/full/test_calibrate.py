@@ -128,7 +128,7 @@ def test_any_number_of_threads_gives_the_same_answer_bit_for_bit(
 ) -> None:
     """Against as many as the machine has. Also: every event is valid and in order.
 
-    Mutations, in `joint/many_scans.py`: results in another order where more than two threads work; batches a share of it for each.
+    Mutations, in `joint/many_scans.py`: results in another order where more than two threads work; smaller batches for more.
     """
     assert usual_threads() == threads
     events: list[StageEvent | IterationEvent | LogEvent] = []
