@@ -203,8 +203,6 @@ def _over_the_minute(mode: str, runs: Sequence[Grown]) -> Iterator[Metric]:
                 direction="lower",
                 tolerance=MEMORY_SLACK,
                 aim=most_mb,
-                # With ideal sensors it was 0.6 of 1.2 and 1.1 of 1.6 GB when this was written.
-                is_bound=mode == "ideal",
             )
 
 
