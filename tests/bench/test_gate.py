@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench import __main__ as command
 from bench import growth, lasers, passes
 from bench.__main__ import gate
 from bench.growth import Grown
@@ -165,3 +166,22 @@ def test_the_gate_says_what_does_not_reach_its_aim(capsys: pytest.CaptureFixture
     assert gate([good], before, ["p"]) == 0
     assert "0 of 1 aims are missed" in capsys.readouterr().err
     assert good.model_copy(update={"value": math.nan}).is_over()
+
+
+def test_what_is_measured_or_blessed_is_shown_with_its_aim_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A workload that measures at once. Mutations: figures without their aims; only the gate says what is missed."""
+    whole = Metric(key="aims.whole", value=16.2, unit="passes", direction="lower", aim=10.0)
+    blessed: list[Metric] = []
+    monkeypatch.setattr(command, "_COSTS", {"aims": lambda: [whole]})
+    monkeypatch.setattr(command, "write_results", lambda *_: None)
+    monkeypatch.setattr(command, "bless", blessed.extend)
+    for word, expected in (("run", []), ("bless", [whole])):
+        assert command.main([word, "aims"]) == 0
+        told = capsys.readouterr()
+        assert told.out.split(maxsplit=1) == ["aims.whole", "16.2 passes; aim 10\n"]
+        assert told.err == "OVER ITS AIM: aims.whole = 16.2 passes; aim 10\n1 of 1 aims are missed.\n"
+        assert blessed == expected
+    assert command.main(["gate", "aims"]) == 1
+    assert "aims.whole = 16.2 has no baseline; bless it." in capsys.readouterr().err
