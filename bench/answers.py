@@ -163,8 +163,8 @@ def report(pairs: Sequence[Pair], other: str, where: str) -> str:
         status = (
             pair.ours.status if pair.ours.status == pair.theirs.status else f"{pair.ours.status}, {pair.theirs.status}"
         )
-        away = "" if np.isnan(sigmas).any() else f"{abs(sigmas[at]):.1e} ({PARAMETERS[at]})"
-        wider = "" if np.isnan(pair.wider) else f"{pair.wider:.1e}"
+        away = _told(abs(sigmas[at]), f" ({PARAMETERS[at]})")
+        wider = _told(pair.wider)
         rows.append(
             f"| {pair.case} | {pair.mode} | {status} | {away} | {wider} | {'yes' if pair.holds else '**no**'} |"
         )
@@ -185,6 +185,13 @@ def report(pairs: Sequence[Pair], other: str, where: str) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _told(value: float, which: str = "") -> str:
+    """A share, and which it is; to the last bit the same is 0, and what there is not is nothing."""
+    if np.isnan(value):
+        return ""
+    return f"{value:.1e}{which}" if value else "0"
 
 
 def main(other: Path, names: Sequence[str] = (), folder: Path = RESULTS) -> int:

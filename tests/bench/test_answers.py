@@ -46,6 +46,7 @@ def test_sigmas_that_differ_are_told_and_refusals_are_held_by_their_reasons() ->
     pair = Pair("a room", "default", one, one.model_copy(update={"uncertainty": wide}))
     assert pair.wider == pytest.approx(0.1)
     assert pair.holds
+    assert "| a room | default | calibrated | 0 | 1.0e-01 | yes |" in report([pair], "abc", "Today.")
     refused = make_result(R, P_M, status="refused")
     other = refused.model_copy(update={"messages": [Message(code="motion.none", level="error", text="Still.")]})
     assert Pair("a room", "ideal", refused, refused).holds
