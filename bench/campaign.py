@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from app.fleet.cluster import connect
 from bench.runs import PARAMETERS, Run, solve_once
-from bench.store import RESULTS
+from bench.store import FOLDER, RESULTS
 from bench.tables import append_row, read_rows
 
 MONTE_CARLO = "monte_carlo.csv"
@@ -34,9 +34,8 @@ def seeds_of(text: str) -> tuple[int, ...]:
     return tuple(dict.fromkeys(seeds))
 
 
-def version_label() -> str:
-    """The commit, with a `+` where the estimator or the simulator differs from it."""
-    root = Path(__file__).resolve().parent.parent
+def version_label(root: Path = FOLDER.parent) -> str:
+    """The commit of a checkout, with a `+` where the estimator or the simulator differs from it."""
 
     def git(*arguments: str) -> str:
         done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=False)  # noqa: S607

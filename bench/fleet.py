@@ -23,7 +23,7 @@ from app.children import THREAD_CAPS
 from app.fleet.campaign import run_fleet
 from app.fleet.cluster import DaskCluster
 from app.fleet.orders import FleetOrder
-from bench.speed import processor
+from bench.machine import measured
 from bench.store import RESULTS
 from calib_core import api
 from calib_core.threads import usable_cores
@@ -177,10 +177,7 @@ def report(costs: Sequence[Cost], passes: Sequence[Pass], recordings: int, durat
     lines = [
         "# What a fleet costs",
         "",
-        (
-            f"Written by `python -m bench.fleet`: `{SCENARIO}`, simulated, mcap, all points used. {usable_cores()} cores, "
-            f"{processor()}."
-        ),
+        (f"Written by `python -m bench.fleet`: `{SCENARIO}`, simulated, mcap, all points used. {measured()}"),
         "",
         head,
         "| ---: " * head.count(" | ") + "| ---: |",

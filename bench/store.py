@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterable
 from pathlib import Path
 
-from bench.metrics import Metric
+from bench.metrics import Metric, workload_of
 
 FOLDER = Path(__file__).resolve().parent
 BASELINE = FOLDER / "baseline.json"
@@ -21,8 +21,10 @@ def read_baseline(path: Path = BASELINE) -> dict[str, Metric]:
 
 
 def bless(measured: Iterable[Metric], path: Path = BASELINE) -> None:
-    """Make the judged among the measured the baseline; other keys stay as they are."""
-    metrics = read_baseline(path) | {metric.key: metric for metric in measured if metric.is_judged()}
+    """Make the judged among the measured the baseline of their workloads, whose other keys go; other workloads' stay."""
+    judged = {metric.key: metric for metric in measured if metric.is_judged()}
+    ran = {workload_of(key) for key in judged}
+    metrics = {key: before for key, before in read_baseline(path).items() if workload_of(key) not in ran} | judged
     entries = [metrics[key].model_dump() for key in sorted(metrics)]
     path.write_text(json.dumps(entries, indent=2) + "\n", encoding="utf-8")
 

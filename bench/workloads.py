@@ -16,6 +16,8 @@ from bench.metrics import RATIO, Metric
 from bench.runs import PARAMETERS, Run, rms, solve_once
 
 NEES_FREEDOM = len(PARAMETERS)
+#: Of ten runs of paper-normal in a row among the forty of monte_carlo.csv the median is up to 33 % above that of all.
+_TIME_SLACK = 0.35
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,7 @@ def metrics_of(workload: Workload, runs: list[Run]) -> list[Metric]:
         ("e_p_over_sigma", e_p_mm / sigma_p_mm, "near-one", slack),
         ("e_dt_over_sigma", e_dt_ms / sigma_dt_ms, "near-one", slack),
         ("nees_over_freedom", float(np.mean([run.nees for run in solved])) / NEES_FREEDOM, "near-one", slack),
-        ("time_over_kernel", float(np.median([run.solve_s / run.kernel_s for run in solved])), "lower", 0.5),
+        ("time_over_kernel", float(np.median([run.solve_s / run.kernel_s for run in solved])), "lower", _TIME_SLACK),
     ]
     metrics = [Metric(key=f"{workload.name}.{key}", value=value, unit=unit) for key, value, unit in shown]
     metrics += [

@@ -9,11 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench import __main__ as command
+from bench import growth, lasers, passes
+from bench.__main__ import gate
+from bench.growth import Grown
 from bench.metrics import Direction, Metric, slips
+from bench.passes import Cost, Spent
 from bench.readme import IDEAL, README, REAL, with_tables
 from bench.runs import Run
 from bench.store import bless, read_baseline, write_results
-from bench.workloads import Workload, metrics_of
+from bench.workloads import WORKLOADS, Workload, metrics_of
 
 
 def ratio(value: float, direction: Direction = "lower", key: str = "a", tolerance: float = 0.1) -> Metric:
@@ -96,3 +101,87 @@ def test_refused_runs_lower_the_share_solved() -> None:
     metrics = {metric.key: metric for metric in metrics_of(Workload("w", "s", "t"), [good, bad])}
     assert metrics["w.solved"].value == 0.5
     assert slips(metrics_of(Workload("w", "s", "t"), [bad]), {"w.solved": metrics["w.solved"]})
+
+
+def test_what_the_baseline_holds_is_measured_or_missed() -> None:
+    """Fails if a ratio can drop out of the gate: not measured any more, or too small to be judged.
+
+    Mutations: no look at the baseline's keys; another workload's missed as well.
+    """
+    baseline = {"a.one": ratio(1.0, key="a.one"), "a.two": ratio(1.0, key="a.two"), "b.one": ratio(1.0, key="b.one")}
+    small = ratio(0.1, "shown", key="a.two")
+    assert [slip.key for slip in slips([ratio(1.0, key="a.one"), small], baseline, ["a"])] == ["a.two"]
+    assert [slip.key for slip in slips([], baseline)] == list(baseline)
+    assert slips([], read_baseline(), []) == []
+    assert len(slips([], read_baseline())) == len(read_baseline())
+
+
+def test_what_is_small_may_grow_by_the_least_that_counts() -> None:
+    """By hand: 0.1 passes that become 0.5 are noise, 0.7 are not. Mutation: the share of the baseline alone."""
+
+    def stage(value: float) -> Metric:
+        return ratio(value).model_copy(update={"least": 0.5})
+
+    assert slips([stage(0.5)], {"a": stage(0.1)}) == []
+    assert slips([stage(0.7)], {"a": stage(0.1)})
+
+
+def test_blessing_a_workload_leaves_nothing_dead(tmp_path: Path) -> None:
+    """Mutation: keys that are no longer measured stay, and every gate misses them."""
+    path = tmp_path / "baseline.json"
+    bless([ratio(1.0, key="a.old"), ratio(1.0, key="b.one")], path)
+    bless([ratio(2.0, key="a.new")], path)
+    assert list(read_baseline(path)) == ["a.new", "b.one"]
+
+
+def test_every_key_of_the_baseline_is_one_that_is_measured() -> None:
+    """Of costs as their workloads make them, and of a run. Mutation: a key in baseline.json that no workload makes."""
+    cost = Cost(dict.fromkeys(("start", "read", "planes", "track", "initialise", "solve"), 1.0), 6.0, 3, 300.0, 8.0)
+    runs = [Grown("length", size, 6, 1, Spent(1.0, 1.0), cost) for size in (10.0, 60.0)]
+    runs += [
+        Grown(of, size, 6, 1, Spent(1.0, 1.0), cost)
+        for of, size in (("lasers", 16), ("lasers", 128), ("planes", 3), ("planes", 30))
+    ]
+    once = {"off": [1.0], "auto": [1.0]}
+    made = [
+        *passes.metrics_of(1.0, passes.Apart(1.0, 1.0, 1.0, 10), [cost], [cost], [cost], 100.0),
+        *growth.metrics_of(runs),
+        *lasers.metrics_of(dict.fromkeys(lasers.LIDARS, once)),
+        *metrics_of(WORKLOADS["paper-normal"], [run_with(1, [1e-4] * 7, [1e-4] * 7)]),
+    ]
+    assert read_baseline().keys() <= {metric.key for metric in made if metric.is_judged()}
+
+
+def test_the_gate_says_what_does_not_reach_its_aim(capsys: pytest.CaptureFixture[str]) -> None:
+    """By hand. Mutations: the aim, or the baseline, is not said; what is over its aim fails the gate; a limit does not."""
+    whole = Metric(key="p.whole", value=16.2, unit="passes", direction="lower", tolerance=0.15, aim=10.0)
+    before = {"p.whole": whole.model_copy(update={"value": 32.6})}
+    assert whole.told(before["p.whole"]) == "16.2 passes; aim 10, baseline 32.6"
+    assert gate([whole], before, ["p"]) == 0
+    assert (
+        "OVER ITS AIM: p.whole = 16.2 passes; aim 10, baseline 32.6\n1 of 1 aims are missed." in capsys.readouterr().err
+    )
+    assert gate([whole.model_copy(update={"is_bound": True})], before, ["p"]) == 1
+    good = whole.model_copy(update={"value": 9.9, "is_bound": True})
+    assert gate([good], before, ["p"]) == 0
+    assert "0 of 1 aims are missed" in capsys.readouterr().err
+    assert good.model_copy(update={"value": math.nan}).is_over()
+
+
+def test_what_is_measured_or_blessed_is_shown_with_its_aim_too(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A workload that measures at once. Mutations: figures without their aims; only the gate says what is missed."""
+    whole = Metric(key="aims.whole", value=16.2, unit="passes", direction="lower", aim=10.0)
+    blessed: list[Metric] = []
+    monkeypatch.setattr(command, "_COSTS", {"aims": lambda: [whole]})
+    monkeypatch.setattr(command, "write_results", lambda *_: None)
+    monkeypatch.setattr(command, "bless", blessed.extend)
+    for word, expected in (("run", []), ("bless", [whole])):
+        assert command.main([word, "aims"]) == 0
+        told = capsys.readouterr()
+        assert told.out.split(maxsplit=1) == ["aims.whole", "16.2 passes; aim 10\n"]
+        assert told.err == "OVER ITS AIM: aims.whole = 16.2 passes; aim 10\n1 of 1 aims are missed.\n"
+        assert blessed == expected
+    assert command.main(["gate", "aims"]) == 1
+    assert "aims.whole = 16.2 has no baseline; bless it." in capsys.readouterr().err

@@ -18,6 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = (
     "README.md",
     "docs/how-it-works.md",
+    "docs/performance.md",
     "docs/architecture.md",
     "docs/contract.md",
     "docs/fleets.md",
@@ -236,3 +237,36 @@ def test_the_codes_of_refusals_are_all_on_the_page() -> None:
     codes |= {code for text in sources for code in re.findall(r'Refused\(\s*"([a-z_]+\.[a-z_]+)"', text)}
     assert len(codes) > 10
     assert [code for code in sorted(codes) if f"`{code}`" not in page] == []
+
+
+def test_how_cost_grows_is_quoted_from_its_page_and_by_its_date() -> None:
+    """Oracle: the table of lengths in growth.md. Mutations: the page's figures, or its day, changed alone."""
+    page = (ROOT / "bench/results/growth.md").read_text(encoding="utf-8")
+    lengths = page.partition("| s | planes used |")[2].partition("\n\n")[0]
+    rows = {cells[1]: cells for line in lengths.splitlines() if len(cells := [c.strip() for c in line.split("|")]) > 9}
+    minute, ten, half_hour = (rows[size] for size in ("60", "600", "1800"))
+    (day,) = re.findall(r"Measured on (\d{4}-\d\d-\d\d)", page)
+    times = [float(row[5]) / float(minute[5]) for row in (ten, half_hour)]
+    memory_gb = [f"{float(row[9]) / 1e3:.1f}" for row in (minute, ten, half_hour)]
+    text = " ".join((ROOT / "docs/performance.md").read_text(encoding="utf-8").split())
+    assert f"measured on {day}" in text
+    assert f"ten minutes take {times[0]:.1f} times as long as one, half an hour {times[1]:.0f} times" in text
+    assert f"memory was {memory_gb[0]}, {memory_gb[1]} and {memory_gb[2]} GB" in text
+
+
+def test_what_a_night_needs_is_reckoned_from_the_table_of_costs() -> None:
+    """Oracle: the default's row in performance.md. Mutations: the row, the share or the plan changed alone."""
+    costs = (ROOT / "docs/performance.md").read_text(encoding="utf-8")
+    plan = (ROOT / "docs/fleets.md").read_text(encoding="utf-8")
+    ((cpu_s, memory_mb),) = re.findall(r"^\| default \|.*\| ([\d.]+) s \| (\d+) MB \|$", costs, re.MULTILINE)
+    assert f"takes {cpu_s} s of CPU and {memory_mb} MB" in plan
+    share = float(re.findall(r"(\d+) % of it in\s", plan)[0]) / 100.0
+    hours = [round(10_000 * each * float(cpu_s) / 3600.0) for each in (share, 1.0)]
+    assert (
+        f"| CPU | {hours[0]} core hours: {-(-hours[0] // 10)} cores | {hours[1]} core hours: {-(-hours[1] // 10)} cores;"
+        in plan
+    )
+    rows = re.findall(
+        r"^\| (?:20|60) s \| \d+ MB \| ([\d.]+) s ", (ROOT / "bench/results/fleet.md").read_text("utf-8"), re.MULTILINE
+    )
+    assert share == round(float(rows[0]) / float(rows[1]), 2)
