@@ -93,6 +93,7 @@ RECORDS = (
     ("assess", "calib_core/full/assess/settings.py", "AccelerometersApart"),
     ("assess", "calib_core/full/assess/settings.py", "Bending"),
     ("assess", "calib_core/full/assess/settings.py", "Filtered"),
+    ("assess", "calib_core/full/assess/settings.py", "FirstLook"),
     ("forecast", "calib_core/full/forecast.py", "Forecasting"),
 )
 #: Where numbers steer: the stages, and the search for planes that they share.

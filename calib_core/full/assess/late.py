@@ -27,9 +27,10 @@ import numpy as np
 import scipy
 
 from calib_core.full.assess.disagreement import Disagreement
-from calib_core.full.assess.settings import APART, BENDING, FILTERED, AccelerometersApart, Bending, Filtered
+from calib_core.full.assess.settings import APART, BENDING, FILTERED, LOOK, AccelerometersApart, Bending, Filtered
 from calib_core.full.joint.estimation import Estimation, Solved
 from calib_core.full.joint.round import with_bins
+from calib_core.full.joint.tone_choice import laser_columns
 from calib_core.full.joint.tones import bare
 from calib_core.full.joint.walks import with_usual_walks
 from calib_core.full.prepare.nuisance import LATE, LOW_PASS, QUADRATIC, SIZE_EFFECT, SKEW, SPREAD, Nuisance, priors_of
@@ -84,8 +85,10 @@ def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) ->
         QUADRATIC: _bend_s2_m(run),
         **dict(zip(LOW_PASS, (FILTERED.spread_s2, FILTERED.skew_s3), strict=True)),
     }
-    told = late_told(solved, tried, asked)
     wider = max((each.ratio for each in found if each.is_beyond_noise), default=1.0)
+    if solved.nuisance.lasers and not _may_show(late_told(solved, tried, asked, lasers_follow=False), wider):
+        return None
+    told = late_told(solved, tried, asked)
     state = solved.state
     for block, of in told.items():
         if of is None or of.chance(wider) >= _RULES[block].chance:
@@ -99,6 +102,12 @@ def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) ->
             lasts_s = float(np.sqrt(np.sqrt(np.mean(of.at**2))))
             state = with_late(state, SKEW, FILTERED.skew_of_spread * lasts_s**3)
     return None if state is solved.state else replace(solved, state=_listening_anew(run, state))
+
+
+def _may_show(told: Mapping[Block, Told | None], wider: float) -> bool:
+    """Whether something may be beyond chance where lasers follow, told while they did not: then it explains more, as what lasers
+    read and what an IMU's parts do have little in common, a little."""
+    return any(of is not None and of.chance(wider * LOOK.narrower) < _RULES[block].chance for block, of in told.items())
 
 
 def _listening_anew(run: Run, state: Estimation) -> Estimation:
@@ -143,30 +152,39 @@ def _bend_s2_m(run: Run) -> float:
     return imu.accelerometer_quadratic_std_s2_m
 
 
-def late_told(solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block]) -> dict[Block, Told | None]:
+def late_told(
+    solved: Solved, stds: Mapping[Block, float], asked: Sequence[Block], *, lasers_follow: bool = True
+) -> dict[Block, Told | None]:
     """By one step from the end of a solve, where each parameter of a block asked is allowed this much; None where that says too
-    little."""
+    little.
+
+    lasers_follow: False where the lasers' own parameters are held, of which 128 lasers have five hundred.
+    """
     tried = solved.state
     for block in asked:
         tried = with_late(tried, block, stds[block])
     # The end's own points, as they were gathered when fewer were in play.
     problem, nuisance = with_bins(solved.data, tried, solved.problem.bins), tried.nuisance
+    if not lasers_follow:
+        problem = replace(problem, frozen=(*problem.frozen, *laser_columns(tried, problem)))
     try:
         solution = solve_arrow(problem.linearise(tried.estimate))
-        spread = covariance(solution.information).matrix
+        free = np.setdiff1d(np.arange(len(solution.information)), problem.frozen)
+        spread = covariance(solution.information[np.ix_(free, free)]).matrix
     except (ArithmeticError, np.linalg.LinAlgError):
         return {}
     start = problem.layout(tried.estimate).nuisance().start
     told: dict[Block, Told | None] = {}
     for block in asked:
         place = nuisance.places[block]
-        own = slice(start + place.start, start + place.stop)
+        own = np.arange(start + place.start, start + place.stop)
+        at = np.searchsorted(free, own)
         of = _directions(nuisance, block)
         value, rule = of.T @ solution.step_shared[own], _RULES[block]
         if block == SPREAD and value.sum() < 0.0:  # a filter that averages smears; none that sharpens is known
             told[block] = None
             continue
-        told[block] = told_of(value, of.T @ spread[own, own] @ of, stds[block], rule.known, rule.fewest)
+        told[block] = told_of(value, of.T @ spread[np.ix_(at, at)] @ of, stds[block], rule.known, rule.fewest)
     return told
 
 

@@ -35,7 +35,7 @@ class Explaining:
     decrease: float
 
 
-def _of_lasers(state: Estimation, problem: JointProblem) -> list[int]:
+def laser_columns(state: Estimation, problem: JointProblem) -> list[int]:
     """The shared columns of the lasers' own parameters. What one laser reads is not what an engine shakes: where none of them
     follows, a tone explains as much, and of 128 lasers an elimination is a fifth of the work."""
     first, places = problem.layout(state.estimate).nuisance().start, state.nuisance.places
@@ -72,7 +72,7 @@ def explaining(
     already, for a state that has hardly moved since: all points' a second time would be the most memory of a solve.
     """
     problem = gathered(data, toned) if bins is None else with_bins(data, toned, bins)
-    problem = replace(problem, frozen=(*problem.frozen, *_of_lasers(toned, problem)))
+    problem = replace(problem, frozen=(*problem.frozen, *laser_columns(toned, problem)))
     try:
         S, g = solve_shared(problem.linearise(toned.estimate))
     except NotPositiveDefinite:

@@ -51,7 +51,9 @@ def test_whatever_shows_at_once_the_state_is_whole(
 ) -> None:
     """A skew is let go with its spread, and by itself. Mutation: the values of a block that is there twice."""
 
-    def told(_: object, stds: dict[Block, float], asked: list[Block]) -> dict[Block, Told | None]:
+    def told(
+        _: object, stds: dict[Block, float], asked: list[Block], *, lasers_follow: bool = True
+    ) -> dict[Block, Told | None]:
         return {
             block: Told(np.full(3, stds[block]), np.full(3, 1e-3 * stds[block])) for block in asked if block in shows
         }
