@@ -221,7 +221,7 @@ def test_accelerometers_apart_are_found_and_taken_out() -> None:
 def test_accelerometers_in_one_place_stay_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """And with all of them at zero the problem that one step is taken in costs what the solve has ended with.
 
-    Mutations: what one step tells counts whatever it is, chance and all; lasers moved from zero once more.
+    Mutations: what one step tells counts whatever it is, chance and all; lasers moved from zero once more; none held.
     """
     costs: list[float] = []
     here, told = late.with_bins, late.late_told
@@ -238,6 +238,9 @@ def test_accelerometers_in_one_place_stay_there(monkeypatch: pytest.MonkeyPatch)
         costs.append(problem.cost(tried.estimate))
         return problem
 
+    held: list[int] = []
+    eliminated = late.solve_arrow
+    monkeypatch.setattr(late, "solve_arrow", lambda system: held.append(len(system.frozen)) or eliminated(system))
     monkeypatch.setattr(late, "late_told", ended)
     monkeypatch.setattr(late, "with_bins", with_bins)
     result, nees = _calibrated("industrial")
@@ -245,6 +248,7 @@ def test_accelerometers_in_one_place_stay_there(monkeypatch: pytest.MonkeyPatch)
     assert not [each for each in result.intrinsics if each.block == "size_effect"]
     before, tried = costs
     assert tried == pytest.approx(before, rel=1e-5)
+    assert held[0] >= 4 * 16
     assert followed == [False]  # nothing shows while lasers are held: nothing is asked again
 
 
