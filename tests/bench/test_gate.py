@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from bench import __main__ as command
-from bench import growth, lasers, passes
+from bench import aims, first_run, growth, lasers, passes
 from bench.__main__ import gate
 from bench.growth import Grown
 from bench.metrics import Direction, Metric, slips
@@ -143,7 +143,14 @@ def test_every_key_of_the_baseline_is_one_that_is_measured() -> None:
         for of, size in (("lasers", 16), ("lasers", 128), ("planes", 3), ("planes", 30))
     ]
     once = {"off": [1.0], "auto": [1.0]}
+    asked = [f"{of}{mode}" for of in ("", "paper_20_", "ouster_20_") for mode in ("ideal", "default")]
     made = [
+        *aims.metrics_of(
+            [Spent(1.0, 1.0)],
+            {name: [cost] for name in (*asked, "inspect")},
+            {"second_ideal": 1.0, "second_default": 1.0},
+        ),
+        *first_run.metrics_of({mode: [first_run.Pair(cost, cost, 0)] for mode in ("ideal", "default")}),
         *passes.metrics_of(1.0, passes.Apart(1.0, 1.0, 1.0, 10), [cost], [cost], [cost], 100.0),
         *growth.metrics_of(runs),
         *lasers.metrics_of(dict.fromkeys(lasers.LIDARS, once)),
