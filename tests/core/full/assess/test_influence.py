@@ -317,6 +317,20 @@ def test_what_is_open_is_left_out() -> None:
     np.testing.assert_allclose(way @ root, 0.0, atol=1e-4)
 
 
+def _same_as_by_azimuths_alone(held: JointProblem, estimate: Estimate, blocks: Nuisance) -> None:
+    """Azimuths so wide that nothing else counts: what all lasers have together is narrower."""
+    azimuth = next(each for each in blocks.blocks if each.block == "laser_azimuth")
+    assert azimuth.whitener is not None
+    wide = replace(azimuth, prior_std=1e5 * azimuth.prior_std, whitener=azimuth.whitener / 1e5)
+    sensors = Nuisance(tuple(wide if each is azimuth else each for each in blocks.blocks))
+    found, place = consider(held, estimate, sensors), blocks.places["laser_azimuth"]
+    n = len(azimuth.names)
+    mean = np.full((n, n), 1.0 / n)
+    shift = found.shift[:, place] / UNITS[:, None]
+    added = shift @ (np.eye(n) - (1.0 - settings.LASERS.azimuth_together**2) * mean) @ shift.T
+    np.testing.assert_allclose(found.added, added, rtol=1e-3, atol=1e-4 * np.abs(added).max())
+
+
 def test_considered_parameters_widen_by_what_they_would_move() -> None:
     """Schmidt's covariance against the block inverse of the whole problem and against brute shifts.
 
@@ -327,6 +341,7 @@ def test_considered_parameters_widen_by_what_they_would_move() -> None:
     blocks = estimate.sensors.blocks
     prior_std = blocks.prior_std
     found = consider(held, estimate, blocks)
+    _same_as_by_azimuths_alone(held, estimate, blocks)
     whole = solve_arrow(problem.linearise(estimate)).information
     A, B = whole[: own.start, : own.start], whole[: own.start, own]
     moved = np.linalg.solve(A, B)[:CALIBRATION] / UNITS[:, None]
