@@ -107,8 +107,9 @@ class JointProblem:
         layout, datum = self.layout(estimate), Datum(self.gauge_knot, self.hold_velocity, self.planes_hold_frame)
         prior = prior_rows(self.priors, self.nodes, estimate, layout)
         changes, unseen = self.bias_changes(estimate), self.unseen(estimate)
+        lidar = replace(self.lidar, held=tuple(column - layout.nuisance().start for column in self.frozen))
         return JointEquations(
-            unseen.without(self.links, estimate.states.R), self.nodes, self.sensors, self.lidar, estimate, layout, *changes,
+            unseen.without(self.links, estimate.states.R), self.nodes, self.sensors, lidar, estimate, layout, *changes,
             prior, unseen, datum, self.frozen,
         )  # fmt: skip
 

@@ -20,7 +20,7 @@ from calib_core.full.prepare.nuisance import IMU_BLOCKS, MATERIAL, SURFACE, Nuis
 from calib_core.geometry import exp
 from calib_core.imu.preintegration import preintegrate
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
-from calib_core.solver.arrow import ArrowSolution
+from calib_core.solver.arrow import ArrowSolution, solve_arrow
 from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray
 from tests.core.factors.test_laser_features import triangle
@@ -224,6 +224,27 @@ def test_parts_and_the_borders_columns_are_those_of_the_whole(nuisance: Nuisance
         if moved is None:
             np.testing.assert_allclose(found[0], expected[0], atol=1e-12 * np.abs(expected[0]).max())
         np.testing.assert_allclose(unit * found[1], unit * expected[1], atol=1e-11 * np.abs(unit * expected[1]).max())
+
+
+@pytest.mark.parametrize("nuisance", [NUISANCE, BENT])
+def test_lasers_that_are_held_have_no_columns_and_are_what_they_are(nuisance: Nuisance) -> None:
+    """The step of all else is that of the whole system without their rows and columns: what they changed before is in it.
+
+    Mutations: the columns held counted from the first of all shared ones; of held lasers no change; nobody's held.
+    """
+    case = Case(1, nuisance)
+    layout, places = case.problem.layout(case.estimate), np.unique(case.problem.sensors.laser_places)
+    frozen = layout.nuisance().start + places[places >= 0]
+    held = replace(case.problem, frozen=tuple(frozen.tolist())).linearise(case.estimate)
+    assert not held.part(0, plain.KNOTS).border[:, :, frozen].any()
+    H, g = _written_out(case)
+    unit = 1.0 / np.sqrt(np.diag(H))
+    free = np.setdiff1d(np.arange(len(g)), plain.KNOTS * 9 + frozen)
+    step = np.zeros(len(g))
+    step[free] = unit[free] * np.linalg.solve(unit[free, None] * H[np.ix_(free, free)] * unit[free], -(unit * g)[free])
+    solution = solve_arrow(held)
+    found = np.concatenate([solution.step.ravel(), solution.step_shared])
+    np.testing.assert_allclose(found / unit, step / unit, atol=1e-6 * np.abs(step / unit).max())
 
 
 @pytest.mark.parametrize(("seed", "nuisance"), [(0, NUISANCE), (1, NUISANCE), (0, BENT), (0, MADE), (0, BENT_MADE)])
