@@ -1,9 +1,8 @@
-"""Many recordings: found, named, run in processes and on a cluster, kept, taken up again, and none lost."""
+"""Many recordings: run in processes, kept within their limits, tabled, and none lost."""
 
 from __future__ import annotations
 
 import csv
-import hashlib
 import json
 import os
 import shutil
@@ -11,133 +10,23 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy as np
-import psutil
 import pytest
 
 from app.cli import main as cli
 from app.cli import many
-from app.fleet.campaign import ASIDE, run_fleet, take_up
 from app.fleet.executors import LocalProcesses
-from app.fleet.find import document_names, find_recordings
-from app.fleet.made_of import CHANGED, asked_beside, stored
-from app.fleet.orders import TRIES, FleetOrder, FleetOutcome
-from app.fleet.summary import NAME, add_row, read_rows, row_of
-from calib_core import api
-from calib_core.errors import InputError
-from calib_core.result import CalibrationResult, Message
-from calib_core.settings import CalibrateSettings, Prior, ReadSettings
+from app.fleet.orders import TRIES
+from app.fleet.summary import NAME, read_rows
+from calib_core.result import CalibrationResult
 from calib_core.simulate import simulate
-from tests.app.support.cluster import dask_processes
+from tests.app.support.fleet import FAKE, PATIENCE_S, orders, run_here, wait_for
 from tests.app.support.processes import is_alive
-from tests.core.exporters.results import make_result
 from tests.core.full.conftest import SHORT
 
-FAKE = "tests.app.support.fake_fleet:run"
-PATIENCE_S = 60.0
 ROOT = Path(__file__).resolve().parents[2]
-
-
-@pytest.fixture
-def hall(tmp_path):
-    """A folder with the documents that the fake calibration gives."""
-    for status in ("calibrated", "weak", "refused"):
-        result = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), 4_000_000, status=status)
-        if status == "refused":
-            wrong = Message(code="motion.none", level="error", text="It stands still; record motion.")
-            result = result.model_copy(update={"messages": [wrong]})
-        result.provenance.settings.update(CalibrateSettings().model_dump(mode="json"))
-        (tmp_path / f"{status}.document").write_text(result.to_json())
-    return tmp_path
-
-
-def orders(folder, *names, **more):
-    return [FleetOrder(name=name, recording=folder / f"{name}.bag", **more) for name in names]
-
-
-def run_here(asked, folder, workers=2):
-    return {row.name: row for row in run_fleet(asked, folder, LocalProcesses(workers, FAKE), lambda _: None)}
-
-
-def wait_for(condition):
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-
-
-def test_a_folder_and_a_list_are_looked_through(tmp_path):
-    """Mutations: do not descend; take a ROS 2 folder's own files for recordings; count a path of the list twice; the mark with
-    which some editors begin a file taken for a part of the first path."""
-    for name in ("b.bag", "deep/a.mcap", "run/metadata.yaml", "run/run_0.db3", "notes.txt", ".hidden.bag"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).touch()
-    assert find_recordings(tmp_path) == [tmp_path / "b.bag", tmp_path / "deep" / "a.mcap", tmp_path / "run"]
-    listed = tmp_path / "deep" / "list.txt"
-    listed.write_text(f"\ufeff../run\n# two of them\n\n{tmp_path / 'gone.bag'}\n../run\n")
-    assert find_recordings(listed) == [tmp_path / "deep" / ".." / "run", tmp_path / "gone.bag"]
-    for wrong, words in ((tmp_path / "b.bag", "one recording"), (tmp_path / "none", "found nothing")):
-        with pytest.raises(InputError, match=words):
-            find_recordings(wrong)
-
-
-def test_links_are_followed_and_each_recording_is_found_once(tmp_path):
-    """Mutations: links not entered; a circle entered for ever; one that leads nowhere left out; a file counted again under a
-    link's name, or named by the link though its own name is there, or is reached by a link itself.
-    """
-    folder, other = tmp_path / "folder", tmp_path / "other"
-    for path in (folder / "deep" / "z.bag", other / "far.mcap"):
-        path.parent.mkdir(parents=True)
-        path.touch()
-    (folder / "aside").symlink_to(other)
-    (folder / "deep" / "up").symlink_to(folder)
-    (other / "back").symlink_to(folder)
-    (folder / "a.bag").symlink_to(folder / "deep" / "z.bag")
-    (folder / "gone.bag").symlink_to(tmp_path / "nowhere.bag")
-    (folder / "round.bag").symlink_to(folder / "round.bag")
-    (folder / "gone.txt").symlink_to(tmp_path / "nowhere.txt")
-    found = [folder / "deep" / "z.bag", folder / "gone.bag", folder / "round.bag", folder / "aside" / "far.mcap"]
-    assert find_recordings(folder) == found
-    assert find_recordings(folder / "aside") == [
-        folder / "aside" / "far.mcap",
-        *(folder / "aside" / "back" / path for path in ("deep/z.bag", "gone.bag", "round.bag")),
-    ]
-
-
-def test_a_recording_that_a_list_spells_twice_is_run_once(tmp_path):
-    """Mutation: paths compared as they are written."""
-    (tmp_path / "deep").mkdir()
-    (tmp_path / "room.bag").touch()
-    listed = tmp_path / "list.txt"
-    listed.write_text("deep/../room.bag\nroom.bag\n./deep/../deep/gone.bag\ndeep/gone.bag\n")
-    assert find_recordings(listed) == [tmp_path / "room.bag", tmp_path / "deep" / "gone.bag"]
-    listed.write_text("deep/../room.bag\n")
-    assert find_recordings(listed) == [tmp_path / "deep" / ".." / "room.bag"]
-
-
-def test_a_list_may_come_through_a_pipe(tmp_path, monkeypatch):
-    """It was told to be one recording. Mutations: a pipe is no list; its paths are taken from /dev/fd."""
-    monkeypatch.chdir(tmp_path)
-    reads, writes = os.pipe()
-    os.write(writes, b"room.bag\n/else/where.bag\n")
-    os.close(writes)
-    assert find_recordings(Path(f"/dev/fd/{reads}")) == [tmp_path / "room.bag", Path("/else/where.bag")]
-    os.close(reads)
-
-
-def test_no_two_documents_have_one_name_and_names_stay():
-    """Mutations: forget what is taken; compare letters by case; give a recording a new name in the second run."""
-    paths = [Path(text) for text in ("/a/room.bag", "/b/room.mcap", "/b/ROOM.bag", "/c/b/room.db3", "/a/summary.bag")]
-    first = document_names(paths, {})
-    assert first == dict(zip(paths, ["room", "b-room", "ROOM-2", "room-3", "a-summary"], strict=True)) | {
-        paths[2]: first[paths[2]]
-    }
-    assert len({name.casefold() for name in first.values()}) == len(paths)
-    assert document_names([Path("/0/room.bag"), *paths], first) == first | {Path("/0/room.bag"): "0-room"}
 
 
 def test_every_recording_has_its_row_and_its_document(hall):
@@ -249,186 +138,6 @@ def test_a_killed_process_loses_no_recording(hall):
     assert "signal 9" in rows["doomed"].sentence
 
 
-def test_a_fleet_goes_on_where_it_stopped(hall):
-    """Mutations: believe a row without its document; run again what has one; keep a failed row twice; stop at a torn one."""
-    asked = orders(hall, "room", "hall", "broken")
-    run_here(asked, hall)
-    (hall / "hall.json").unlink()
-    with (hall / NAME).open("a") as file:
-        file.write("yard,/yard.bag,calib")
-    done, ahead, others, _ = take_up(asked, hall)
-    assert others == []
-    assert [row.name for row in done] == ["room"]
-    assert [order.name for order in ahead] == ["hall", "broken"]
-    run_here(ahead, hall)
-    assert sorted(row.name for row in read_rows(hall)) == ["broken", "hall", "room"]
-    (hall / NAME).unlink()
-    assert [row.name for row in take_up(asked, hall)[0]] == ["room", "hall"], "documents speak without the table"
-
-
-def documented_by(order, folder, content=b"bytes"):
-    """A document of the order's options and of its recording as it is now, as a calibration leaves it."""
-    order.recording.parent.mkdir(exist_ok=True, parents=True)
-    order.recording.write_bytes(content)
-    result = make_result(np.eye(3), np.array([0.1, 0.2, 0.3]), 4_000_000, status="calibrated")
-    result.provenance.settings.update(order.solving.model_dump(mode="json"))
-    result.provenance.recording.sha256 = hashlib.sha256(content).hexdigest()
-    outcome = FleetOutcome(document=result.to_json())
-    (folder / f"{order.name}.json").write_text(outcome.document)
-    add_row(folder, row_of(order, outcome, 1, stored(order.recording)))
-
-
-PRIOR = Prior(axis="tz", value=0.3, std=0.01)
-
-
-@pytest.mark.parametrize(
-    ("solving", "reading", "differs"),
-    [
-        ({}, {}, ()),
-        ({"priors": (PRIOR,)}, {}, ("priors",)),
-        ({"method": "paper"}, {}, ("method", "points_per_plane_per_scan", "field_of_view_deg")),
-        ({"excluded_spans_s": ((1.0, 2.0),)}, {}, ("excluded_spans_s",)),
-        ({"imu_noise": "mti-3"}, {"start_s": 5.0}, ("imu_noise", "start_s")),
-        ({}, {"lidar_topic": "/other"}, ("lidar_topic",)),
-    ],
-)
-def test_a_document_of_other_options_is_no_answer_to_these(tmp_path, solving, reading, differs):
-    """Either way round, and once it is made with these. Mutations: no `differing_options`; the solve's settings alone, or the
-    reading's alone; the document left where it is, with which a run that is stopped has it for its own."""
-    plain = orders(tmp_path, "room")[0]
-    read = ReadSettings(**reading)
-    other = plain.model_copy(
-        update={"solving": CalibrateSettings(**solving), "reading": read, "asked": asked_beside(read, None, None)}
-    )
-    for made, now in ((plain, other), (other, plain), (other, other)):
-        folder = tmp_path / f"out-{made is plain}-{now is plain}"
-        folder.mkdir()
-        documented_by(made, folder)
-        left = take_up([now], folder)
-        expected = () if made is now else differs
-        assert left.others == ([expected] if expected else [])
-        assert [order.name for order in left.ahead] == ["room"] * bool(expected)
-        assert (folder / "room.json").exists() is not bool(expected)
-        assert (folder / ASIDE / "room.json").exists() is bool(expected)
-        assert take_up([now], folder).ahead == left.ahead, "stopped before it was run, and called again"
-
-
-def test_other_planes_or_another_guess_are_other_options(tmp_path):
-    """By what is in the files, wherever they lie. Mutations: by their names; the guess left out."""
-    planes, again, guess = (tmp_path / name for name in ("planes.json", "copy.json", "guess.json"))
-    planes.write_text("a wall")
-    again.write_text("a wall")
-    guess.write_text("there")
-    asked = [asked_beside(ReadSettings(), *files) for files in ((planes, None), (again, None), (planes, guess))]
-    assert asked[0] == asked[1] != asked[2]
-    again.write_text("a floor")
-    assert asked_beside(ReadSettings(), again, None) != asked[0]
-    order = orders(tmp_path, "room", asked=asked[0])[0]
-    documented_by(order, tmp_path)
-    assert take_up([order], tmp_path).ahead == []
-    assert take_up([order.model_copy(update={"asked": asked[2]})], tmp_path).others == [("initial_guess",)]
-
-
-def test_a_table_without_answers_is_given_them(tmp_path):
-    """What an earlier version began is gone on with. Mutation: a row kept as it was found."""
-    order = orders(tmp_path, "room")[0]
-    documented_by(order, tmp_path)
-    with (tmp_path / NAME).open(newline="") as file:
-        lines = [line[:17] for line in csv.reader(file)]
-    assert lines[0][-1] == "recording_written_ns"
-    with (tmp_path / NAME).open("w", newline="") as file:
-        csv.writer(file).writerows(lines)
-    assert take_up([order], tmp_path).ahead == []
-    written = CalibrationResult.from_json((tmp_path / "room.json").read_text())
-    assert read_rows(tmp_path)[0].yaw_deg == written.T_imu_lidar.euler_xyz_deg[2]
-
-
-def test_without_the_table_only_what_documents_say_is_believed(tmp_path):
-    """Mutation: a document without a row taken for one of any way of reading."""
-    order = orders(tmp_path, "room")[0]
-    documented_by(order, tmp_path)
-    (tmp_path / NAME).unlink()
-    assert take_up([order], tmp_path).ahead == []
-    (tmp_path / NAME).unlink()
-    asked = asked_beside(ReadSettings(start_s=5.0), None, None)
-    assert take_up([order.model_copy(update={"asked": asked})], tmp_path).others == [("how it was read",)]
-
-
-def test_a_recording_that_changed_is_run_again_and_one_that_was_only_touched_is_not(tmp_path, monkeypatch):
-    """Mutations: sizes and times are not looked at; another time taken for other bytes; unchanged ones hashed each time."""
-    order = orders(tmp_path, "room")[0]
-    documented_by(order, tmp_path)
-    hashed = []
-    fingerprint = api.fingerprint
-    monkeypatch.setattr(api, "fingerprint", lambda path: hashed.append(path) or fingerprint(path))
-    assert take_up([order], tmp_path).ahead == []
-    assert hashed == []
-    os.utime(order.recording, ns=(1, 1))
-    assert take_up([order], tmp_path).ahead == []
-    assert take_up([order], tmp_path).ahead == []
-    assert len(hashed) == 1, "the table knows by now"
-    order.recording.write_bytes(b"bites")  # as many
-    assert take_up([order], tmp_path).others == [(CHANGED,)]
-    documented_by(order, tmp_path, b"more bytes")
-    order.recording.unlink()
-    assert take_up([order], tmp_path).ahead == [], "in an archive by now, and done"
-
-
-def test_recordings_that_lie_elsewhere_are_not_run_again(tmp_path, monkeypatch):
-    """The same bytes under another path: moved with their times, copied without, both folders moved. One of the same name and
-    size but of other bytes is another recording, and takes nobody's name. Mutations: names by paths alone; by size alone.
-    """
-    before, after, out = tmp_path / "before", tmp_path / "after", tmp_path / "out"
-    out.mkdir()
-    ran = []
-
-    def runs(asked, folder, executor, on_row):
-        ran.extend(order.name for order in asked)
-        return []
-
-    monkeypatch.setattr(many, "run_fleet", runs)
-    for name in ("room", "hall"):
-        documented_by(FleetOrder(name=name, recording=before / f"{name}.bag"), out, name.encode())
-    command = ["calibrate-many", str(after), "--output", str(tmp_path / "moved"), "--quiet"]
-    out.rename(tmp_path / "moved")
-    before.rename(after)
-    assert cli.run(command) == 0
-    assert ran == []
-    assert {row.recording for row in read_rows(tmp_path / "moved")} == {
-        str(after / "room.bag"),
-        str(after / "hall.bag"),
-    }
-    shutil.copytree(after, before, copy_function=shutil.copyfile)
-    command[1] = str(before)
-    assert cli.run(command) == 0
-    assert ran == []
-    (after / "room.bag").write_bytes(b"mood")
-    command[1] = str(after)
-    assert cli.run(command) == 0
-    assert ran == ["after-room"]
-    assert (tmp_path / "moved" / "room.json").exists()
-
-
-def test_it_is_said_how_many_are_run_again_and_why(hall, monkeypatch, capsys):
-    """Mutations: said nothing; said where nothing is; the old document taken for the new one's."""
-    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
-    (hall / "list.txt").write_text("room.bag\nrefused.bag\n")
-    command = ["calibrate-many", str(hall / "list.txt"), "--output", str(hall / "out")]
-    assert cli.run(command) == cli.run(command) == 0
-    assert "run again" not in capsys.readouterr().err
-    assert cli.run([*command, "--prior", "tz=0.3+-0.01", "--exclude", "1:2", "--start-s", "2"]) == 0
-    said = capsys.readouterr().err.splitlines()
-    aside = hall / "out" / ASIDE
-    assert said[0] == (
-        "2 recordings are run again: other options (excluded_spans_s, priors, start_s); earlier documents are in "
-        f"{aside}"
-    )
-    assert sorted(path.name for path in aside.iterdir()) == ["refused.json", "room.json"]
-    assert cli.run([*command, "--log-json"]) == 0
-    (told,) = [json.loads(line) for line in capsys.readouterr().err.splitlines() if "fleet.again" in line]
-    assert told["text"].startswith("2 recordings are run again: other options (start_s); ")
-
-
 def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monkeypatch, capsys):
     """Mutations: exit 0 with a missing one; exit 3 with a refused one; run again in the second call; Ctrl-C keeps nothing; a
     page that is left as it was in the middle.
@@ -522,129 +231,6 @@ def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
     assert "the same command goes on" in said[-1]
     wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
     assert [row.name for row in read_rows(hall / "out")] in ([], ["room"])
-
-
-def begun_by(pid):
-    """Processes that a process has started, and those that these have forked."""
-    return {child.pid for child in psutil.Process(pid).children(recursive=True)}
-
-
-def test_a_cluster_gives_the_same_and_a_killed_worker_loses_none(hall):
-    """Real scheduler and workers; the one that has the recording is killed in the middle of it.
-
-    Mutations: an executor that does not kill what is taken back; a child that outlives its worker.
-    """
-    cluster = pytest.importorskip("app.fleet.cluster")
-    with dask_processes(hall, 2) as (address, started):
-        executor = cluster.DaskCluster(address, FAKE)
-        killed = []
-
-        def kill():
-            wait_for((hall / "sleepy.started").exists)
-            child = int((hall / "sleepy.started").read_text())
-            killed.append(child)
-            next(process for process in started if child in begun_by(process.pid)).kill()
-
-        killer = threading.Thread(target=kill)
-        killer.start()
-        rows = {row.name: row for row in run_fleet(orders(hall, "sleepy", "room", "refused"), hall, executor, print)}
-        killer.join()
-        assert {name: row.verdict for name, row in rows.items()} == {
-            "sleepy": "calibrated",
-            "room": "calibrated",
-            "refused": "refused",
-        }
-        wait_for(lambda: not is_alive(killed[0]))
-        stopping = cluster.DaskCluster(address, FAKE)
-        stopping.start(orders(hall, "slow")[0].model_dump_json())
-        wait_for((hall / "slow.started").exists)
-        stopping.stop()
-        wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
-
-
-@pytest.mark.parametrize("allowed", [1, 3])
-def test_an_order_that_kills_its_workers_kills_three_and_no_more(hall, monkeypatch, allowed):
-    """Real workers, which their nannies start again. dask gives it to the next one by itself, by its own count.
-
-    Mutations: begun not counted, which kills twelve; the count not taken for tries; counted anew where dask gives it up.
-    """
-    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", str(allowed))
-    cluster = pytest.importorskip("app.fleet.cluster")
-    with dask_processes(hall, 2, nannies=True) as (address, _):
-        rows = {
-            row.name: row for row in run_fleet(orders(hall, "murder"), hall, cluster.DaskCluster(address, FAKE), print)
-        }
-    assert (hall / "murder.begun").read_text() == "x" * TRIES
-    assert (rows["murder"].verdict, rows["murder"].code, rows["murder"].tries) == ("failed", "job.lost", TRIES)
-    assert "--memory-limit-mb" in rows["murder"].sentence
-
-
-def test_a_worker_of_another_version_ends_the_fleet_before_it_has_an_answer(hall, monkeypatch):
-    """Its answers would be in the same table. Mutations: no look at the version; a row of it, and the next one's."""
-    cluster = pytest.importorskip("app.fleet.cluster")
-    with dask_processes(hall, 1) as (address, _):
-        monkeypatch.setattr(cluster, "__version__", "0.0.1")
-        with pytest.raises(InputError, match=r"has unsweep .* and the command 0\.0\.1: install the same on both"):
-            run_fleet(orders(hall, "room", "weak"), hall, cluster.DaskCluster(address, FAKE), print)
-    assert read_rows(hall) == []
-
-
-def test_a_scheduler_that_is_lost_ends_the_fleet_with_a_sentence_and_it_goes_on(hall):
-    """What was finished stays, what ran is ended, the rest is run by the same call with another scheduler.
-
-    Mutations: wait for ever; tell each recording's row that its worker was lost.
-    """
-    cluster = pytest.importorskip("app.fleet.cluster")
-    asked = orders(hall, "room", "slow", "weak")
-    with dask_processes(hall, 1) as (address, started):
-        done = []
-
-        def lose():
-            wait_for(lambda: done and (hall / "slow.started").exists())
-            started[0].kill()
-
-        loser = threading.Thread(target=lose)
-        loser.start()
-        with pytest.raises(InputError, match="scheduler no longer answers"):
-            run_fleet(asked, hall, cluster.DaskCluster(address, FAKE), done.append)
-        loser.join()
-    assert [row.name for row in read_rows(hall)] == ["room"]
-    wait_for(lambda: not is_alive(int((hall / "slow.started").read_text())))
-    kept, ahead, _, _ = take_up(asked, hall)
-    assert ([row.name for row in kept], [order.name for order in ahead]) == (["room"], ["slow", "weak"])
-
-
-def test_a_scheduler_without_a_worker_says_what_to_start(tmp_path):
-    """Nothing would happen, without end. Mutations: said nothing; said with a worker there; "1 workers"."""
-    cluster = pytest.importorskip("app.fleet.cluster")
-    told = []
-    for workers, where in ((0, "0 workers of"), (1, "1 worker of")):
-        folder = tmp_path / str(workers)
-        folder.mkdir()
-        with dask_processes(folder, workers) as (address, _):
-            client = cluster.connect(address)
-            wait_for(lambda client=client, workers=workers: len(client.nthreads()) == workers)
-            client.close()
-            executor = cluster.DaskCluster(address, FAKE)
-            assert executor.where == f"{where} {address}"
-            executor.prepare(lambda code, text: told.append((code, text)))
-            executor.stop()
-            if not workers:
-                assert told[0][0] == "fleet.no_worker"
-                assert f"start `dask worker {address} --nworkers 1 --nthreads 1`" in told[0][1]
-    assert len(told) == 1
-
-
-def test_a_scheduler_that_is_not_there_and_dask_that_is_not_installed_are_a_sentence(monkeypatch):
-    """Mutations: let dask's own error out; name no way to install it."""
-    from app.fleet import cluster
-
-    monkeypatch.setattr(cluster, "_CONNECT_S", 0.3)
-    with pytest.raises(InputError, match=r"No dask scheduler answers at tcp://127\.0\.0\.1:9"):
-        cluster.DaskCluster("tcp://127.0.0.1:9")
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"pip install unsweep\[fleet\]"):
-        cluster.DaskCluster("tcp://127.0.0.1:9")
 
 
 @pytest.mark.slow
