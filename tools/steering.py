@@ -39,6 +39,7 @@ RECORDS = (
     ("prepare", "calib_core/full/prepare/settings.py", "Spectrum"),
     ("prepare", "calib_core/full/prepare/settings.py", "Stamps"),
     ("prepare", "calib_core/full/prepare/settings.py", "Sweeps"),
+    ("prepare", "calib_core/full/prepare/settings.py", "Rotor"),
     ("prepare", "calib_core/full/prepare/settings.py", "Steps"),
     ("prepare", "calib_core/full/prepare/settings.py", "Sieving"),
     ("prepare", "calib_core/full/prepare/settings.py", "Lasers"),

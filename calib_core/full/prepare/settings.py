@@ -153,6 +153,19 @@ class Sweeps:
 
 
 @dataclass(frozen=True, slots=True)
+class Rotor:
+    """What a rotor wanders by, beside what its stamps jitter."""
+
+    #: derived: a smoother that follows nothing shorter than eight times the recording is a line, and one that follows four turns
+    #: is no smoother. Between, each period is so much shorter than the one before.
+    longest: float = 8.0
+    shortest: float = 4.0
+    step: float = 1.5
+    #: derived: by chance twice the log of a likelihood is greater by so much once in exp(-7), of a parameter that is fitted.
+    likelier: float = 14.0
+
+
+@dataclass(frozen=True, slots=True)
 class Steps:
     """Stamps that a clock's ticks cut."""
 
@@ -236,4 +249,4 @@ class ToneSizes:
 
 
 LENGTH, NOISE, SPECTRUM, STAMPS, LASERS, TONES = Length(), Noise(), Spectrum(), Stamps(), Lasers(), ToneSizes()
-SWEEPS, SIEVING, STEPS, SAMPLED = Sweeps(), Sieving(), Steps(), Sampled()
+SWEEPS, ROTOR, SIEVING, STEPS, SAMPLED = Sweeps(), Rotor(), Sieving(), Steps(), Sampled()
