@@ -11,6 +11,7 @@ from calib_core.full.joint.estimation import Estimation, JointData, LastLinked, 
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.sensors import sensor_columns, true_readings
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import TIME_OFFSET, Estimate, Layout
 from calib_core.full.joint.view import View
 from calib_core.imu.preintegration import UpsampledImu
@@ -93,7 +94,7 @@ def layout_of(data: JointData, state: Estimation) -> Layout:
 
 
 def frozen_columns(data: JointData, problem: JointProblem, estimate: Estimate) -> tuple[int, ...]:
-    """The shared columns that the settings hold fixed."""
+    """The shared columns that the settings hold fixed, or that hardly any point says anything of."""
     settings, layout = data.run.settings, problem.layout(estimate)
     frozen: list[int] = []
     if not settings.estimate_time_offset:
@@ -104,4 +105,12 @@ def frozen_columns(data: JointData, problem: JointProblem, estimate: Estimate) -
             frozen.extend(range(columns.start, columns.stop))
     if settings.intrinsics == "consider":
         frozen.extend(range(layout.nuisance().start, layout.nuisance().start + data.sensors.size))
+    frozen.extend(hardly_seen_columns(problem, layout))
     return tuple(frozen)
+
+
+def hardly_seen_columns(problem: JointProblem, layout: Layout) -> list[int]:
+    """The columns of planes that some points lie on, too few to tell them."""
+    points = np.bincount(problem.bins.plane, problem.bins.count, layout.planes)
+    few = np.flatnonzero((points > 0) & (points < CHAIN.fewest_points))
+    return [column for j in few.tolist() for column in range(layout.plane(j).start, layout.plane(j).stop)]

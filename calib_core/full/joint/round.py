@@ -175,13 +175,14 @@ def descend(
 def gathered(data: JointData, state: Estimation) -> JointProblem:
     """The problem about the present estimate with the points that were given to planes."""
     assert state.observations is not None
-    problem = problem_of(data, state)
-    return replace(problem, bins=gather(state.observations, problem.motion(state.estimate), state.estimate))
+    motion = problem_of(data, state).motion(state.estimate)
+    return with_bins(data, state, gather(state.observations, motion, state.estimate))
 
 
 def with_bins(data: JointData, state: Estimation, bins: Bins) -> JointProblem:
     """The same with points as they were gathered when fewer of the sensors' parameters were in play."""
-    return replace(problem_of(data, state), bins=bins)
+    problem = replace(problem_of(data, state), bins=bins)
+    return replace(problem, frozen=frozen_columns(data, problem, state.estimate))
 
 
 def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimation:

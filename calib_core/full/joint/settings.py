@@ -29,6 +29,9 @@ class Chain:
     level_m_s2: float = 1.0
     #: derived: (100 m)^-2 of every plane: one that no point sees stays where it is.
     plane: float = 1e-4
+    #: derived: three points make a plane, and nine tell it from what they scatter. One that fewer lie on is held where it is:
+    #: nothing else says where, and a step turned one by a radian, where no descent finds what it predicts.
+    fewest_points: int = 9
     #: derived: a prior of gravity that is exact is this wide (1 sigma): far below what a solve knows it to (0.01), and far
     #: from round-off.
     exact_gravity_m_s2: float = 1e-7

@@ -273,7 +273,8 @@ def to_fixed_point(
             shared=shared, along_valleys=True,
         )  # fmt: skip
         assert state.minimum is not None
-        if state.minimum.outcome is Outcome.EXHAUSTED and stands_still(start, state, settling.stands_sigmas):
+        is_along_a_valley = state.minimum.outcome in (Outcome.EXHAUSTED, Outcome.CREEPING)
+        if is_along_a_valley and stands_still(start, state, settling.stands_sigmas):
             return state, problem
         first = state.minimum.first_decrease
         next_one = first if before is None else first * min(1.0, first / before)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from calib_core.solver.arrow import ArrowSolution, Eliminated
-from calib_core.solver.levenberg import Outcome, SharedEquations, minimise
+from calib_core.solver.levenberg import Outcome, SharedEquations, _Damping, minimise
 from calib_core.solver.system import ArrowSystem
 from calib_core.types import FloatArray
 
@@ -248,6 +248,44 @@ def test_a_valley_is_gone_along_where_next_to_nothing_holds() -> None:
     assert end.outcome is not Outcome.EXHAUSTED
     other = minimise(Street(), start, max_iterations=25)
     assert other.estimate[0] < 1.0
+
+
+class Drift(Valley):
+    """A street: every step predicts as much along it, and finds nothing."""
+
+    def cost(self, estimate: FloatArray) -> float:
+        return 5.0
+
+    def linearise(self, estimate: FloatArray) -> ArrowSystem:
+        H, g = np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([0.01, 0.01])
+        return ArrowSystem(H[:1, :1][None], np.zeros((0, 1, 1)), H[:1, 1:][None], H[1:, 1:], g[:1][None], g[1:])
+
+
+def test_steps_that_find_nothing_down_a_street_end_soon() -> None:
+    """Mutations: damped steps only; gone on with to the last; so from afar as well."""
+    steps: list[float] = []
+    end = minimise(Drift(), np.zeros(2), along_valleys=True, on_step=lambda _, cost, __: steps.append(cost))
+    assert (end.outcome, len(steps)) == (Outcome.CREEPING, 3)
+    assert minimise(Drift(), np.zeros(2), max_iterations=9).outcome is Outcome.EXHAUSTED
+
+
+@pytest.mark.parametrize(
+    ("damped", "found", "predicted", "ends"),
+    [
+        (True, [1e-4, 1e-4, 1e-4], 1e-4, [False, False, True]),
+        (True, [1e-4, 1e-2, 1e-4, 1e-4, 1e-4], 1e-4, [False, False, False, False, True]),
+        (False, [1e-4, 1e-4, 1e-4, 1e-4], 1e-4, [False] * 4),
+        (False, [1e-4, 1e-4, 1e-4], 1e-3, [False, False, True]),
+    ],
+)
+def test_what_creeps_is_damped_or_finds_less_than_it_says(
+    damped: bool, found: list[float], predicted: float, ends: list[bool]
+) -> None:
+    """Three in a row. Mutations: three in all; undamped steps that find what they predict."""
+    damping = _Damping(along_valleys=True)
+    for each, last in zip(found, ends, strict=True):
+        damping.now = 1e-5 if damped else 0.0
+        assert damping.accepted(each, predicted) is (Outcome.CREEPING if last else None)
 
 
 @pytest.fixture

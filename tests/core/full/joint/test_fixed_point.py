@@ -33,15 +33,17 @@ from calib_core.solver.levenberg import Minimum, Outcome, SharedEquations
         ([[9.0, 3.0, 1.0, "still"], [1e-2, 3e-3], [0.0]], 3, [1e-6, 9e-6, 3.3e-6]),
     ],
 )
+@pytest.mark.parametrize("broken_off", [Outcome.EXHAUSTED, Outcome.CREEPING])
 def test_descents_end_where_the_next_would_find_nothing(
     monkeypatch: pytest.MonkeyPatch,
     descents: list[list[Any]],
     taken: int,
     last_steps: list[float],
+    broken_off: Outcome,
 ) -> None:
     """By what each has left of the one before. Mutations: looked at once more; a slow one taken for a fast one; steps of a
-    descent that broke off believed; a step of any size the last; one that stood still gone on with; a moving one not;
-    the equations of the one before not handed on.
+    descent that broke off believed; a step of any size the last; one that stood still gone on with, of either kind; a moving one
+    not; the equations of the one before not handed on.
     """
     asked: list[float] = []
     stood: list[bool] = []
@@ -54,7 +56,7 @@ def test_descents_end_where_the_next_would_find_nothing(
         stood.append("still" in descents[len(asked)])
         asked.append(tolerance)
         solution: Any = SimpleNamespace(predicted_decrease=found[-1])
-        outcome = Outcome.CONVERGED if found[-1] is not None else Outcome.EXHAUSTED
+        outcome = Outcome.CONVERGED if found[-1] is not None else broken_off
         estimate: Any = None
         first = found[0]
         assert first is not None

@@ -147,6 +147,30 @@ def test_what_the_settings_hold_does_not_move(half: Half, settings: CalibrateSet
     assert (after.estimate.gravity != off.gravity).any()
 
 
+@pytest.mark.parametrize(("points", "held"), [(8, True), (9, False)])
+def test_a_plane_that_hardly_any_point_lies_on_stays_where_it_is(half: Half, points: int, held: bool) -> None:
+    """Nothing else says where it is, and a step would turn it by a radian. Others move, whose columns follow its own.
+
+    Mutations: none held; all held; the offset free; one that nothing lies on counted.
+    """
+    off = replace(half.state.estimate, offsets_m=half.state.estimate.offsets_m + 1e-3)
+    state = associate(half.data, replace(half.state, estimate=off), Gate(), stride=4)
+    seen = state.observations
+    assert seen is not None
+    few = int(seen.plane[0])
+    first = seen.plane != few
+    first[0] = True
+    count = seen.count[first].copy()
+    count[0] = points
+    state = replace(state, observations=replace(seen.part(first), count=count))
+    after, problem = descend(half.data, state, iterations=1, tolerance=1e-6)
+    columns = range(problem.layout(off).plane(few).start, problem.layout(off).plane(few).stop)
+    assert set(problem.frozen) == set(columns if held else ())
+    moved = np.column_stack([after.estimate.normals - off.normals, after.estimate.offsets_m - off.offsets_m])
+    stays = np.abs(moved).max(axis=1) < 1e-12
+    assert stays.tolist() == [held and j == few for j in range(len(stays))]
+
+
 def test_links_about_one_estimate_are_made_once_and_about_another_anew(half: Half) -> None:
     """With the priors and the frame of who asks. Mutations: what was made last given for any estimate; made each time; the priors
     of who asked first; the noise of another run left out of what it is of.
