@@ -71,6 +71,15 @@ class Told:
         variance = np.exp(2.0 * sizes_m)[:, None] + self.std**2
         return float(np.exp(sizes_m[np.argmin(np.sum(np.log(variance) + self.at**2 / variance, axis=1))]))
 
+    @property
+    def allowed_m(self) -> float:
+        """The same for places that nothing tells, their middle above all: a size that k numbers tell is itself so unsure that what
+        is as large by it follows a t law, k / (k - 2) times as wide.
+        """
+        size_m = self.size_m
+        told = max(float(np.sum(size_m**2 / (size_m**2 + self.std**2))), APART.fewest)
+        return size_m * float(np.sqrt(told / (told - 2.0)))
+
 
 def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) -> Solved | None:
     """The same solve with what shows among the unknowns, to go on from; None where nothing does, or all were asked before.
@@ -96,7 +105,7 @@ def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) ->
         if block != SIZE_EFFECT:
             state = with_late(state, block, tried[block])
         elif of.size_m > APART.least_m:
-            state = with_late(state, block, of.size_m)
+            state = with_late(state, block, of.allowed_m)
         if block == SPREAD and SKEW in asked:
             # What smears as a pole does is as lopsided, whether that shows or not, and the time offset is off by it.
             lasts_s = float(np.sqrt(np.sqrt(np.mean(of.at**2))))
