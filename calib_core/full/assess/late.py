@@ -73,8 +73,8 @@ class Told:
 
     @property
     def allowed_m(self) -> float:
-        """The same for places that nothing tells, their middle above all: a size that k numbers tell is itself so unsure that what
-        is as large by it follows a t law, k / (k - 2) times as wide.
+        """The same for places that nothing tells, their middle above all: a size that k numbers tell is itself so unsure that
+        what is as large by it follows a t law, of k / (k - 2) times the variance.
         """
         size_m = self.size_m
         told = max(float(np.sum(size_m**2 / (size_m**2 + self.std**2))), APART.fewest)

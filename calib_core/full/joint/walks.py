@@ -86,6 +86,7 @@ def say_walks(data: JointData, state: Estimation) -> None:
             data.run.say(
                 "warning",
                 "imu.bias_walk",
-                f"the {kind}'s bias wanders {now / was:.0f} times as fast as such sensors' do once they are warm: so much is "
-                "allowed for; let it run for some minutes before you record",
+                f"the {kind}'s bias seems to wander {now / was:.0f} times as fast as such sensors' do once they are warm: one "
+                "that warms up does, and walls that bend or a mount that gives look the same; so much is allowed for; let it run "
+                "for some minutes before you record",
             )
