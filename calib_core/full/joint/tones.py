@@ -317,7 +317,10 @@ def say_tones(data: JointData, state: Estimation) -> None:
             "error bars count it: record where nothing but the rig moves",
         )
     at_knots = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
-    shaken = "it is shaken faster than it samples" + ("" if data.run.noise.shaken else ", or the whole room sways")
+    calm = not data.run.noise.shaken
+    shaken = "it is shaken faster than it samples" + (
+        ", the whole room sways, or steps shake what bears it" if calm else ""
+    )
     for hz, values in zip(state.nuisance.tones_hz, state.estimate.sensors.tones(), strict=True):
         # Its part that goes with the IMU and that of the room may be nearly the same, each many times as large as their sum.
         both = tone_readings(hz, values, at_knots.knots_s, at_knots.at_knots).reshape(-1, 2, 3)
