@@ -155,7 +155,7 @@ class Estimation:
     they have to be given anew.   minimum: where the last round ended.   rounds, iterations: how many there were.   untuned: what
     pulls at the readings has shown to be no tone (tones.py), and none is looked for any more.   shape_shift: (7,) by how much the
     calibration went with the shapes of planes, where these could not be estimated along (surface.py): turns about the lidar's
-    axes [rad], metres, seconds.
+    axes [rad], metres, seconds.   unseen: as the bins of the last round had it (state.py).
     """
 
     estimate: Estimate
@@ -170,6 +170,7 @@ class Estimation:
     iterations: int = 0
     untuned: bool = False
     shape_shift: FloatArray = field(default_factory=lambda: np.zeros(CALIBRATION))
+    unseen: tuple[int, ...] = ()
 
     @property
     def knots(self) -> int:

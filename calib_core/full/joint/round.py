@@ -33,6 +33,7 @@ from calib_core.full.joint.undetermined import (
     still_undetermined,
     towards_priors,
 )
+from calib_core.full.joint.unseen import unseen_counts
 from calib_core.full.prepare.nuisance import named_lasers
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_shared
 from calib_core.solver.levenberg import SharedEquations, minimise
@@ -167,7 +168,9 @@ def descend(
         problem, state.estimate, max_iterations=iterations, tolerance=tolerance, relative=relative, on_step=report,
         shared=shared or SharedEquations(), roughly=roughly, along_valleys=along_valleys,
     )  # fmt: skip
-    after = replace(state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count)
+    after = replace(
+        state, estimate=minimum.estimate, minimum=minimum, rounds=number, iterations=count, unseen=problem.bins.unseen
+    )
     require_bounds(data, state, after)
     return after, problem
 
@@ -175,8 +178,10 @@ def descend(
 def gathered(data: JointData, state: Estimation) -> JointProblem:
     """The problem about the present estimate with the points that were given to planes."""
     assert state.observations is not None
-    motion = problem_of(data, state).motion(state.estimate)
-    return with_bins(data, state, gather(state.observations, motion, state.estimate))
+    about = problem_of(data, state)
+    bins = gather(state.observations, about.motion(state.estimate), state.estimate)
+    unseen = unseen_counts(bins, state.estimate, about.readings, state.unseen)
+    return with_bins(data, state, replace(bins, unseen=unseen))
 
 
 def with_bins(data: JointData, state: Estimation, bins: Bins) -> JointProblem:

@@ -23,6 +23,9 @@ class Chain:
     #: have them, which nobody feels: ten metres off along it, walls of 1e10 are 2 mm off. Of a decimetre, a street of which
     #: floors alone were left, seen to 7 cm across, had no digits left.
     unseen: float = 3e2
+    #: derived: what was not seen is seen again where it is told twice as well, to three centimetres: next to the limit, what
+    #: walls tell of the way up by how they lean would come and go with every gathering.
+    seen_again: float = 1.2e3
     unseen_held: float = 1e4
     #: derived: of a magnitude g a part g_u across leaves g - g_u^2 / 2 g for the rest: where bias and scale of the accelerometer
     #: are known to 0.05 m/s2, it tells nothing of a g_u below sqrt(2 * 9.81 * 0.05).

@@ -161,6 +161,7 @@ class Bins:
 
     time_offset_s: of their making.
     lasers: what they share with the lidar's own parameters.   laid_out_at: the sensors as they were thought to be then.
+    unseen: how many directions no plane sees, of each run of linked knots, and everywhere (unseen.py); () where nobody has asked.
     """
 
     knot: IntArray
@@ -170,6 +171,7 @@ class Bins:
     time_offset_s: float
     lasers: LaserFactors = field(default_factory=LaserFactors.empty)
     laid_out_at: SensorState = SensorState()  # noqa: RUF009  frozen
+    unseen: tuple[int, ...] = ()
 
     def within(self, first: int, last: int) -> Bins:
         """Those of knots first..last (exclusive), counted from the first."""
@@ -181,6 +183,7 @@ class Bins:
             scatter=self.scatter[mine],
             count=self.count[mine],
             lasers=self.lasers.within(mine, self.plane),
+            unseen=(),
         )
 
 

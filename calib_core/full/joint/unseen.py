@@ -14,6 +14,9 @@ others': the others' own covariance stays. The knots are held along u, and carri
 Of gravity's part along u its magnitude alone tells, and of a small one next to nothing: to be a thousandth of itself stronger
 across, gravity would have to lean by 0.4 m/s2, and within twenty seconds all drifts by 90 m, where walls that are not quite
 parallel are left behind. It stays as it is, then.
+
+How many directions that are is asked once of the points that were gathered, and not of every step: one that walls tell to just
+about so much by how they lean would come and go with it, and the links' whole cost.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import GRAVITY, Bins, Estimate
 from calib_core.imu.preintegration import Links, UpsampledImu
 from calib_core.solver.system import ArrowPart
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 
 #: Rows of a link's residual, before it is whitened.
 _OF_VELOCITY, _OF_PLACE = slice(3, 6), slice(6, 9)
@@ -48,17 +51,11 @@ class Unseen:
         """By how much the points of each plane tell of a place across it; nothing where there are no points at all."""
         if not len(bins.knot):
             return Unseen((), np.zeros((3, 0)), gauge_knot)
-        weight = bins.scatter[:, 3, 3]
-        breaks = (np.flatnonzero(~readings.linked) + 1).tolist()
-        edges = np.array([0, *breaks, len(readings.knots_s)])
-        run = np.searchsorted(edges, bins.knot, side="right") - 1
-        each = np.zeros((len(edges) - 1, len(estimate.normals)))
-        np.add.at(each, (run, bins.plane), weight)
-        runs = tuple(
-            (int(first), int(last), _unseen(told, estimate.normals))
-            for first, last, told in zip(edges, edges[1:], each, strict=False)
-        )
-        return Unseen(runs, _unseen(each.sum(axis=0), estimate.normals), gauge_knot)
+        edges, told = _told(bins, readings, len(estimate.normals))
+        told_of = [_directions(each, estimate.normals) for each in told]
+        counts = bins.unseen or tuple(_fewer(information, CHAIN.unseen) for information, _ in told_of)
+        *runs, everywhere = [free[:, :count] for (_, free), count in zip(told_of, counts, strict=True)]
+        return Unseen(tuple(zip(edges.tolist(), edges[1:].tolist(), runs, strict=False)), everywhere, gauge_knot)
 
     def hold(self, part: ArrowPart, start: int) -> None:
         """Holds all knots along what no plane sees in their run, but for the gauge knot's place: that moves with the lever arm,
@@ -125,7 +122,37 @@ def _since(at: int, steps: FloatArray) -> FloatArray:
     return np.asarray(gone - gone[at])
 
 
-def _unseen(told: FloatArray, normals: FloatArray) -> FloatArray:
-    """(3, r) along which planes tell too little. told: (P,) [1/m2] of a place across each."""
+def unseen_counts(bins: Bins, estimate: Estimate, readings: UpsampledImu, before: tuple[int, ...]) -> tuple[int, ...]:
+    """As `Bins` has them. before: of the points gathered last: what was not seen then has to be seen well to be seen now."""
+    if not len(bins.knot):
+        return ()
+    _, told = _told(bins, readings, len(estimate.normals))
+    found = []
+    for k, each in enumerate(told):
+        information, _ = _directions(each, estimate.normals)
+        least, most = _fewer(information, CHAIN.unseen), _fewer(information, CHAIN.seen_again)
+        found.append(min(max(before[k], least), most) if len(before) == len(told) else least)
+    return tuple(found)
+
+
+def _told(bins: Bins, readings: UpsampledImu, planes: int) -> tuple[IntArray, FloatArray]:
+    """Where runs of linked knots begin, and the last ends (R + 1,); (R + 1, P) [1/m2] of a place across each plane, by the points
+    of each run, and of all.
+    """
+    breaks = (np.flatnonzero(~readings.linked) + 1).tolist()
+    edges = np.array([0, *breaks, len(readings.knots_s)])
+    run = np.searchsorted(edges, bins.knot, side="right") - 1
+    each = np.zeros((len(edges) - 1, planes))
+    np.add.at(each, (run, bins.plane), bins.scatter[:, 3, 3])
+    return edges, np.vstack([each, each.sum(axis=0)])
+
+
+def _directions(told: FloatArray, normals: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Of a place along directions (3, 3), columns, the information [1/m2], least first. told: (P,) across each plane."""
     information, directions = np.linalg.eigh((normals.T * told) @ normals)
-    return np.asarray(directions[:, information < CHAIN.unseen])
+    return np.asarray(information), np.asarray(directions)
+
+
+def _fewer(information: FloatArray, limit: float) -> int:
+    """Along how many directions less is told."""
+    return int(np.count_nonzero(information < limit))

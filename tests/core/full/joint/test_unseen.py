@@ -16,7 +16,7 @@ from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, BiasNodes, Bins, Estimate
 from calib_core.full.joint.undetermined import UNITS
-from calib_core.full.joint.unseen import Unseen
+from calib_core.full.joint.unseen import Unseen, unseen_counts
 from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
 from calib_core.solver.arrow import Eliminated, solve_arrow
 from calib_core.solver.information import covariance
@@ -180,6 +180,48 @@ def test_nothing_is_held_where_planes_face_three_ways() -> None:
     problem, e = _corridor(3)
     assert problem.unseen(e).everywhere.shape == (3, 0)
     assert replace(problem, hold_velocity=True).unseen(e).runs == ()
+
+
+def _leaning(problem: JointProblem, e: Estimate, told: float) -> Estimate:
+    """Walls and floor, the first of which leans so that they tell of the way along them so much [1/m2]."""
+    one, other = (float(problem.bins.scatter[problem.bins.plane == j, 3, 3].sum()) for j in (0, 3))
+    lean = np.sqrt(told * (one + other) / (one * other))  # of two that look across, one a little aside
+    normals = e.normals.copy()
+    normals[0] = np.cos(lean) * e.normals[0] + np.sin(lean) * e.normals[2]
+    return replace(e, normals=normals)
+
+
+def test_what_is_hardly_seen_is_seen_or_not_for_as_long_as_points_are_gathered() -> None:
+    """By a wall that leans a little more with a step: the cost goes on from where it was, as every step asks of it.
+
+    Mutation: asked anew of each estimate (links of a thousand million times as much come and go).
+    """
+    problem, e = _corridor(2)
+    below, above = _leaning(problem, e, 250.0), _leaning(problem, e, 350.0)
+    for first, ways in ((below, 1), (above, 0)):
+        counts = unseen_counts(problem.bins, first, problem.readings, ())
+        assert counts == (ways, ways)
+        decided = replace(problem, bins=replace(problem.bins, unseen=counts))
+        for each in (below, above):
+            assert decided.unseen(each).everywhere.shape == decided.unseen(each).runs[0][2].shape == (3, ways)
+
+
+@pytest.mark.parametrize(
+    ("told", "before", "ways"),
+    [
+        (250.0, (), 1),
+        (250.0, (0, 0), 1),
+        (350.0, (), 0),
+        (350.0, (1, 1), 1),
+        (350.0, (0, 0), 0),
+        (1500.0, (1, 1), 0),
+        (350.0, (1,), 0),
+    ],
+)
+def test_what_was_not_seen_has_to_be_seen_well(told: float, before: tuple[int, ...], ways: int) -> None:
+    """At 300 and 1200 [1/m2], and of as many runs as before. Mutations: as before, whatever is told; one limit for both."""
+    problem, e = _corridor(2)
+    assert unseen_counts(problem.bins, _leaning(problem, e, told), problem.readings, before) == (ways, ways)
 
 
 def test_gravity_stays_as_it_is_along_a_level_way_that_nothing_sees() -> None:
