@@ -11,7 +11,11 @@ and n stamps used,
 
     -2 log L = (n - 2) log(y' (u y - u x) / (n - 2)) + log |A| - (N - 2) log lambda
 
-but for a constant (restricted likelihood). Where no lambda is much likelier than the largest, the rotor turns evenly.
+but for a constant (restricted likelihood). Where lambda is infinite, x is a line, and with X = [1, i] of those used
+
+    -2 log L = (n - 2) log(y' (y - x) / (n - 2)) + log |X' X|;
+
+where none is much likelier than that, the rotor turns evenly.
 """
 
 from __future__ import annotations
@@ -34,16 +38,23 @@ def wander_of(number: IntArray, off_s: FloatArray, used: BoolArray) -> FloatArra
     there = np.zeros(int(at[-1]) + 1)
     y = there.copy()
     there[at[used]], y[at[used]] = 1.0, off_s[used]
-    n, turns = int(used.sum()), len(y)
-    longest = math.log(ROTOR.longest * turns)
+    longest = math.log(min(ROTOR.longest * len(y), ROTOR.most_turns))
     periods = np.exp(np.arange(longest, math.log(ROTOR.shortest), -math.log(ROTOR.step)))
-    tried = [_smoothed(y, there, float((period / (2.0 * np.pi)) ** 4), n) for period in periods]
-    even, best = tried[0], min(tried, key=lambda one: one[1])
-    return best[0][at] if best[1] < even[1] - ROTOR.likelier else np.zeros(len(at))
+    tried = [_smoothed(y, there, float((period / (2.0 * np.pi)) ** 4)) for period in periods]
+    best = min(tried, key=lambda one: one[1])
+    return best[0][at] if best[1] < _evenly(y, there) - ROTOR.likelier else np.zeros(len(at))
 
 
-def _smoothed(y: FloatArray, there: FloatArray, weight: float, n: int) -> tuple[FloatArray, float]:
-    """X (N,) for a lambda, and -2 log L of it. y: (N,), 0 where nothing is there."""
+def _evenly(y: FloatArray, there: FloatArray) -> float:
+    """-2 log L of a line. y, there: as `_smoothed` has them."""
+    seen = np.flatnonzero(there)
+    X = np.stack([np.ones(len(seen)), seen - seen.mean()], axis=1)
+    left = y[seen] - X @ np.linalg.lstsq(X, y[seen], rcond=None)[0]
+    return _likelihood(float(left @ left), len(seen)) + float(np.linalg.slogdet(X.T @ X)[1])
+
+
+def _smoothed(y: FloatArray, there: FloatArray, weight: float) -> tuple[FloatArray, float]:
+    """The smooth part (N,) for a lambda, and -2 log L of it. y: (N,), 0 where nothing is.   there: (N,) 1 where something is."""
     turns = len(y)
     bands = np.zeros((3, turns))  # of A, the main one first
     for row, pairs in enumerate(_PAIRS):
@@ -52,11 +63,13 @@ def _smoothed(y: FloatArray, there: FloatArray, weight: float, n: int) -> tuple[
     bands[0] += there
     factor = scipy.linalg.cholesky_banded(bands, lower=True)
     x = scipy.linalg.cho_solve_banded((factor, True), there * y)
-    squares = max(float(y @ (there * (y - x))), np.finfo(float).tiny)
-    told = (
-        (n - 2) * math.log(squares / (n - 2)) + 2.0 * float(np.sum(np.log(factor[0]))) - (turns - 2) * math.log(weight)
-    )
-    return np.asarray(x), told
+    told = 2.0 * float(np.sum(np.log(factor[0]))) - (turns - 2) * math.log(weight)
+    return np.asarray(x), _likelihood(float(y @ (there * (y - x))), int(there.sum())) + told
+
+
+def _likelihood(squares: float, n: int) -> float:
+    """What n stamps add to -2 log L by what is left of them."""
+    return (n - 2) * math.log(max(squares, np.finfo(float).tiny) / (n - 2))
 
 
 #: Second differences, and which two of the three columns meet on each diagonal of their square.

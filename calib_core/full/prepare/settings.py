@@ -157,9 +157,11 @@ class Rotor:
     """What a rotor wanders by, beside what its stamps jitter."""
 
     #: derived: a smoother that follows nothing shorter than eight times the recording is a line, and one that follows four turns
-    #: is no smoother. Between, each period is so much shorter than the one before.
+    #: is no smoother. Between, each period is so much shorter than the one before. Where it follows nothing shorter than six
+    #: thousand turns lambda is 1e12: its equations have three digits left.
     longest: float = 8.0
     shortest: float = 4.0
+    most_turns: float = 6000.0
     step: float = 1.5
     #: derived: by chance twice the log of a likelihood is greater by so much once in exp(-7), of a parameter that is fitted.
     likelier: float = 14.0

@@ -22,9 +22,10 @@ def _host(seed: int) -> FloatArray:
 
 
 def test_the_smoother_and_its_likelihood_are_those_of_dense_matrices() -> None:
-    """The restricted likelihood of what no line tells, whose covariance is written out: two lambdas differ by as much.
+    """The restricted likelihood of what no line tells, whose covariance is written out: lambdas differ by as much, and a line.
 
-    Mutations: first differences; turns that were lost counted as measured; log |A| left out, or halved; the exponent N.
+    Mutations: first differences; turns that were lost counted as measured; log |A| left out, or halved; the exponent N; a line
+    without its determinant.
     """
     turns, rng = 14, np.random.default_rng(3)
     there = np.ones(turns)
@@ -35,11 +36,12 @@ def test_the_smoother_and_its_likelihood_are_those_of_dense_matrices() -> None:
     line = np.stack([np.ones(n), seen], axis=1)
     K = np.linalg.svd(line)[0][:, 2:]
     G = (np.linalg.pinv(D) @ np.linalg.pinv(D).T)[np.ix_(seen, seen)]
-    told = []
+    z = K.T @ y[seen]
+    told = [(rotor._evenly(y, there), (n - 2) * np.log(z @ z / (n - 2)))]
     for weight in (0.3, 7.0, 400.0):
-        x, by_bands = rotor._smoothed(y, there, weight, n)
+        x, by_bands = rotor._smoothed(y, there, weight)
         np.testing.assert_allclose(x, np.linalg.solve(np.diag(there) + weight * D.T @ D, there * y), atol=1e-9)
-        S, z = K.T @ (np.eye(n) + G / weight) @ K, K.T @ y[seen]
+        S = K.T @ (np.eye(n) + G / weight) @ K
         dense = (n - 2) * np.log(z @ np.linalg.solve(S, z) / (n - 2)) + np.linalg.slogdet(S)[1]
         told.append((by_bands, dense))
     by_bands, dense = np.diff(told, axis=0).T
@@ -68,6 +70,16 @@ def test_lost_turns_and_a_hosts_stalls_do_not_lead_it_aside() -> None:
     off = wander + 2e-5 * rng.normal(size=TURNS) + np.where(stalls, rng.uniform(5e-3, 2e-2, TURNS), 0.0)
     found = wander_of(EVERY[kept], off[kept], ~stalls[kept])
     assert np.abs(found - wander[kept]).max() < 5e-5
+
+
+def test_an_hour_is_no_longer_than_digits_reach() -> None:
+    """36,000 turns that wander by 20 ms in twenty minutes. Mutation: periods of eight hours, which leave no digit."""
+    turns = np.arange(36_000)
+    wander = 0.02 * np.sin(2.0 * np.pi * turns / 12_000.0)
+    off = wander + 5e-5 * np.random.default_rng(2).normal(size=len(turns))
+    off -= np.polyval(np.polyfit(turns, off, 1), turns)
+    found = wander_of(turns, off, np.ones(len(turns), bool))
+    assert np.std(off - found) == pytest.approx(5e-5, rel=0.05)
 
 
 def test_what_a_host_is_late_by_anew_each_time_is_no_wander() -> None:
