@@ -28,9 +28,9 @@ _LEAST_DAMPING = 1e-9
 #: holds it to a tenth of a millimetre (seen: 17 of a cost predicted, 8.7 found by this, 0.2 by a billionth, 180 steps in all).
 #: From there damping grows tenfold, then a hundredfold, then a thousandfold each time.
 _LEAST_ALONG_VALLEYS, _FASTEST = 1e-14, 1e3
-#: So many steps in a row there that found less than this, and less than half of what they predicted or damped, creep along what
-#: hardly anything tells: a twentieth of a sigma each, if it were any (seen: twelve steps down a street that found nothing of
-#: 6e-5, thirteen in a corridor, with twenty-six eliminations, for 0.0005 of a cost).
+#: A step that finds less than this there, and is damped or finds less than half of what it predicts, creeps along what hardly
+#: anything tells: by a twentieth of a sigma, if it were any. So many in a row are the last (seen: twelve steps down a street
+#: that found nothing of 6e-5, thirteen in a corridor, with twenty-six eliminations, for 0.0005 of a cost).
 _CREEPING, _CREEPS = 1e-3, 3
 #: Steps tried at one linearisation, each ten times as damped as the one before: from none at all to a thousand times the
 #: curvature.
@@ -66,7 +66,7 @@ class Outcome(Enum):
     CONVERGED = "the step is a negligible part of its own uncertainty"
     STALLED = "no step lowers the cost any further"
     EXHAUSTED = "the iterations were used up"
-    CREEPING = "only damped steps are left, along what hardly anything tells, and they find next to nothing"
+    CREEPING = "the steps that are left go along what hardly anything tells, and find next to nothing"
     SINGULAR = "the normal equations stayed singular"
 
 

@@ -15,7 +15,8 @@ but for a constant (restricted likelihood). Where lambda is infinite, x is a lin
 
     -2 log L = (n - 2) log(y' (y - x) / (n - 2)) + log |X' X|;
 
-where none is much likelier than that, the rotor turns evenly.
+where none is much likelier than that, the rotor turns evenly. A pause counts as no more turns than a smoother can go over with
+all its digits: what a rotor did in an hour without a scan, nobody knows.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ def wander_of(number: IntArray, off_s: FloatArray, used: BoolArray) -> FloatArra
 
     off_s: (N,) what stamps are off a line.   used: (N,) without a host's stalls, three at least.
     """
-    at = number - number[0]
+    at = np.cumsum(np.minimum(np.diff(number, prepend=number[0]), ROTOR.pause_turns))
     there = np.zeros(int(at[-1]) + 1)
     y = there.copy()
     there[at[used]], y[at[used]] = 1.0, off_s[used]

@@ -171,6 +171,27 @@ def test_a_plane_that_hardly_any_point_lies_on_stays_where_it_is(half: Half, poi
     assert stays.tolist() == [held and j == few for j in range(len(stays))]
 
 
+def test_what_no_plane_sees_is_decided_with_the_points_and_kept_for_the_next(
+    half: Half, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A descent's own problem has it, the state after it hands it on, and the next one's is asked beside it.
+
+    Mutations: the bins without it; the state after without it; asked beside nothing.
+    """
+    asked: list[tuple[int, ...]] = []
+
+    def counts(bins: object, estimate: object, readings: object, before: tuple[int, ...]) -> tuple[int, ...]:
+        asked.append(before)
+        return (1, 1)
+
+    monkeypatch.setattr("calib_core.full.joint.round.unseen_counts", counts)
+    state = associate(half.data, half.state, Gate(), stride=4)
+    after, problem = descend(half.data, state, iterations=1, tolerance=1e-6)
+    assert problem.unseen(state.estimate).everywhere.shape == (3, 1)
+    descend(half.data, after, iterations=1, tolerance=1e-6)
+    assert asked == [half.state.unseen, (1, 1)]
+
+
 def test_links_about_one_estimate_are_made_once_and_about_another_anew(half: Half) -> None:
     """With the priors and the frame of who asks. Mutations: what was made last given for any estimate; made each time; the priors
     of who asked first; the noise of another run left out of what it is of.

@@ -82,6 +82,19 @@ def test_an_hour_is_no_longer_than_digits_reach() -> None:
     assert np.std(off - found) == pytest.approx(5e-5, rel=0.05)
 
 
+@pytest.mark.parametrize("pause", [3000, 864_000])
+def test_a_pause_is_gone_over(pause: int) -> None:
+    """Of five minutes or a day, between fifteen seconds each. Mutation: every turn of it counted (no digit is left of a day)."""
+    turns = np.concatenate([np.arange(150), np.arange(150) + 150 + pause])
+    noise = 5e-6 * np.random.default_rng(1).normal(size=len(turns))
+    wander = 3e-4 * np.sin(2.0 * np.pi * turns / 100.0)
+    for drawn in (noise, wander + noise):
+        off = drawn - np.polyval(np.polyfit(turns, drawn, 1), turns)
+        found = wander_of(turns, off, np.ones(len(turns), bool))
+        assert np.std(off - found) < 6e-6
+    assert found.any()
+
+
 def test_what_a_host_is_late_by_anew_each_time_is_no_wander() -> None:
     """Of 60 draws none: by chance one in a thousand would be. Mutation: whatever is likelier at all."""
     assert not any(wander_of(EVERY, _about_a_line(_host(seed)), np.ones(TURNS, bool)).any() for seed in range(60))
