@@ -12,7 +12,7 @@ from tests.core.solver.descended import Trade, Valley
 
 
 class Street(Trade):
-    """The same with a million-millionth: metres along a street that hardly a point tells."""
+    """What two unknowns trade, with a million-millionth: metres along a street that hardly a point tells."""
 
     stiff, bend = 1e6, 3.0
 
