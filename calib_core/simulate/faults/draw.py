@@ -25,8 +25,6 @@ _MATERIALS = 1024
 _USUAL = {
     # 2 to 3 mrad is what data sheets call a spinning lidar's beam.
     "incidence": 0.003,
-    # As much as ranges of one wall may be off from head on to a slant (intrinsics.py).
-    "materials": 0.003,
     # MEMS data sheets: some 0.1 deg/s/g.
     "g-sensitivity": 1e-4,
     # Boards with a part for each axis.
@@ -167,7 +165,9 @@ def _lidar(found: LidarDeviations, fault: Fault, draws: Draws) -> LidarDeviation
         case "range-offset":
             changed = replace(found, range_offset_m=draws.once(fault, prior.range_offset_std_m))
         case "materials":
-            offsets_m = _usual(fault) * draws.rng(name).standard_normal(_MATERIALS)
+            # A wall reads b long at every incidence: beside its own place, as much as ranges are off from head on to a slant.
+            std_m = prior.incidence_std_m if size is None else size
+            offsets_m = std_m * draws.rng(name).standard_normal(_MATERIALS)
             changed = replace(found, surface_range_offset_m=tuple(offsets_m.tolist()))
         case "incidence":
             changed = replace(found, beam_divergence_rad=_usual(fault))
