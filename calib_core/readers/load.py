@@ -119,7 +119,7 @@ def _load_open(
     if settings.stamps == "header":
         offset_ns, clock_findings = examine_clocks(
             HeaderTimes(np.array(reading.header_ns, np.int64), np.array(reading.receive_ns, np.int64)),
-            HeaderTimes(raw_imu.header_ns, raw_imu.receive_ns),
+            cleaned.headers,
             period_s=cloud_s,
             last_point_s=last_point_after_header_s(findings),
             topic=lidar_topic.name,

@@ -18,6 +18,7 @@ from calib_core.readers.imu.repeats import as_sensed
 from calib_core.readers.imu.spikes import spikes
 from calib_core.readers.imu.stuck import stuck_axis
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
+from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
 from calib_core.types import BoolArray, Evidence, Finding, FloatArray, ImuData, IntArray
@@ -51,9 +52,14 @@ class StampStatistics:
 
 @dataclass(frozen=True, slots=True)
 class CleanedImu:
-    """Readings in SI units, the units they were sent in, and what was found."""
+    """Readings in SI units, the units they were sent in, and what was found.
+
+    headers: of all readings that are no damaged bytes and bear no damaged stamp, as they came: what is asked of a clock is asked
+    of these.
+    """
 
     imu: ImuData
+    headers: HeaderTimes
     accelerometer_unit: AccelerometerUnit
     gyroscope_unit: GyroscopeUnit
     findings: tuple[Finding, ...]
@@ -135,7 +141,8 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     if stuck is not None:
         findings.append(stuck)
     data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id, 0 if bundles is None else bundles.tick_ns)
-    return CleanedImu(data, accel_unit, gyro_unit, tuple(findings))
+    headers = HeaderTimes(raw.header_ns[good], raw.receive_ns[good])
+    return CleanedImu(data, headers, accel_unit, gyro_unit, tuple(findings))
 
 
 def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:
