@@ -164,7 +164,7 @@ def read(
     if imu is not None:
         raw_imu = _on_one_clock(state, collector.finish(), recording, settings)
         try:
-            state.cleaned = clean_imu(raw_imu, settings, imu.name)
+            state.cleaned = clean_imu(raw_imu, settings, imu.name, start_ns=recording.start_ns)
             state.findings.extend(state.cleaned.findings)
         except InputError as error:
             state.problems.append(error)

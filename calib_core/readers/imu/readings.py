@@ -88,8 +88,11 @@ def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray, *, taken_ns: Int
     )
 
 
-def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
-    """The readings in SI units, and what was found. Raises InputError where nothing usable is left."""
+def clean_imu(raw: RawImu, settings: ReadSettings, topic: str, *, start_ns: int | None = None) -> CleanedImu:
+    """The readings in SI units, and what was found. Raises InputError where nothing usable is left.
+
+    start_ns: the recording's start, receive time, from which what is told counts; None: the first reading's.
+    """
     require_both_sensors(raw.gyro, raw.accel, topic)
     stamps_ns = raw.receive_ns if settings.stamps == "receive" else raw.header_ns
     good = (
@@ -137,11 +140,12 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     if leapt.any():
         findings.append(_spikes_finding(leapt, gyro, accel, topic))
         taken_ns, gyro, accel = taken_ns[~leapt], gyro[~leapt], accel[~leapt]
-    stuck = stuck_axis(taken_ns, gyro, accel, topic)
+    headers = HeaderTimes(raw.header_ns[good], raw.receive_ns[good])
+    begin_ns = int(taken_ns[0]) if start_ns is None else start_ns - int(np.median(headers.receive_ns - stamps_ns))
+    stuck = stuck_axis(taken_ns, gyro, accel, topic, begin_ns=begin_ns)
     if stuck is not None:
         findings.append(stuck)
     data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id, 0 if bundles is None else bundles.tick_ns)
-    headers = HeaderTimes(raw.header_ns[good], raw.receive_ns[good])
     return CleanedImu(data, headers, accel_unit, gyro_unit, tuple(findings))
 
 

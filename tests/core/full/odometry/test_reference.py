@@ -34,11 +34,14 @@ def _half_empty(recording: Recording) -> Recording:
 
 
 def test_another_reference_is_taken_where_the_first_leads_nowhere(noisy: tuple[Recording, Truth]) -> None:
-    """Fails when the first reference's twelve scans are kept, or the poses stay in the first one's frame."""
-    recording = _half_empty(noisy[0])
+    """When it was is told from the recording's first scan. Fails when the first reference's twelve scans are kept, the poses stay
+    in the first one's frame, or the time counts from the first scan used.
+    """
+    recording = replace(_half_empty(noisy[0]), skipped_s=100.0)
     found, said = begun(recording, given=False)
     assert found.reference > 36
-    assert "track.reference" in said
+    at_s = 100.0 + 1e-9 * (recording.scans[found.reference].stamp_ns - recording.scans[0].stamp_ns)
+    assert f"those of the scan at {at_s:.1f} s, from" in said["track.reference"]
     assert [m.position for m in found.motions] == list(range(37, len(recording.scans)))
     turned, moved = track_errors(recording, noisy[1], found)
     assert turned < 4.0
