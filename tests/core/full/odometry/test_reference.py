@@ -174,7 +174,7 @@ def test_a_track_is_the_same_every_time(noisy: tuple[Recording, Truth]) -> None:
 def test_a_lidar_that_turns_like_nothing_the_gyroscope_saw_is_refused_as_that(noisy: tuple[Recording, Truth]) -> None:
     """Sweeps in an order drawn by lot: a track may come of it, of any speed. It is no ground to doubt a unit.
 
-    Mutation: `_refuse_lost` that lets such a track pass: the start values complain of a unit, or the solve diverges.
+    Mutation: `refuse_lost` that lets such a track pass: the start values complain of a unit, or the solve diverges.
     """
     recording, _ = noisy
     order = np.random.default_rng(5).permutation(len(recording.scans))
