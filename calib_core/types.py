@@ -32,7 +32,7 @@ Level = Literal["info", "warning", "error"]
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Clue:
     """One number behind a finding."""
 
     name: str
@@ -55,7 +55,7 @@ class Finding:
     code: str
     level: Level
     text: str
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[Clue, ...] = ()
     confidence: float = 1.0
     consequence: str = ""
     override: str = ""

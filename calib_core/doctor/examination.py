@@ -15,7 +15,7 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.readers.cloud_reading import cloud_reading
 from calib_core.readers.clouds.cloud import RawCloud, points_mark
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
-from calib_core.readers.clouds.layouts import Layout, recognise_layout
+from calib_core.readers.clouds.layouts import CloudLayout, recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
@@ -53,7 +53,7 @@ class Examination:
     imu_topic: TopicSummary | None = None
     decoder: CloudDecoder | None = None
     first: RawCloud | None = None
-    layout: Layout | None = None
+    layout: CloudLayout | None = None
     timing: PointTiming | None = None
     period_s: float = 0.1
     parts: int = 1

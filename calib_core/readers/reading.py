@@ -30,7 +30,7 @@ from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
 from calib_core.threads import usable_cores
-from calib_core.types import BoolArray, Evidence, Finding, Scan
+from calib_core.types import BoolArray, Clue, Finding, Scan
 
 #: Scans that the detection of the point times looks at.
 SAMPLED_SCANS = 60
@@ -260,7 +260,7 @@ class Reading:
                     "points.out_of_sweep",
                     "warning" if out_of_time > 0.001 * sent else "info",
                     f"{out_of_time:,} of {sent:,} points on {topic} had a time outside of their sweep and were left out.",
-                    (Evidence("points outside the sweep", out_of_time), Evidence("points", sent)),
+                    (Clue("points outside the sweep", out_of_time), Clue("points", sent)),
                 )
             )
         if no_return:
@@ -270,7 +270,7 @@ class Reading:
                     "info",
                     f"{no_return:,} of {sent:,} points on {topic} had no return, or one outside of"
                     f" {self.settings.range_min_m:g} to {self.settings.range_max_m:g} m, and were left out.",
-                    (Evidence("points left out", no_return), Evidence("points", sent)),
+                    (Clue("points left out", no_return), Clue("points", sent)),
                 )
             )
         return tuple(found)
@@ -283,7 +283,7 @@ def malformed_finding(topic: str, n_malformed: int, example: str) -> Finding:
         "warning",
         f"{counted(n_malformed, 'message')} on {topic} cannot be decoded and "
         f"{'was' if n_malformed == 1 else 'were'} left out ({example}).",
-        (Evidence("malformed messages", n_malformed),),
+        (Clue("malformed messages", n_malformed),),
     )
 
 
@@ -311,7 +311,7 @@ def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ..
                 level="info" if damage.kind == "index" else "warning",
                 text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used"
                 f" ({counted(n_scans, 'scan')}).",
-                evidence=(Evidence("scans recovered", n_scans), Evidence("file", damage.file)),
+                evidence=(Clue("scans recovered", n_scans), Clue("file", damage.file)),
                 consequence="" if damage.kind == "index" else "the result rests on the recovered part only",
             )
         )

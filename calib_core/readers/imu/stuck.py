@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib_core.counts import joined
-from calib_core.types import BoolArray, Evidence, Finding, FloatArray, IntArray
+from calib_core.types import BoolArray, Clue, Finding, FloatArray, IntArray
 
 #: judged: for so long, and with so large a share of the readings of other axes meanwhile, and of its own otherwise, each another
 #: than the one before. Readings come in steps, and a fine one is seldom read twice; held ones hold all axes.
@@ -54,7 +54,7 @@ def stuck_axis(
         text=_told(longest, axes, values[longest.first], topic)
         + f" and nothing else for {stays_s:.1f} s, from {since_s:z.1f} s on, while other axes go on:"
         + (" it is stuck, or not measured." if len(axes) == 1 else " they are stuck, or not measured."),
-        evidence=(Evidence("unchanged for", round(stays_s, 3), "s"),),
+        evidence=(Clue("unchanged for", round(stays_s, 3), "s"),),
         consequence="what the IMU says is not how it moved: a calibration from these readings would be wrong",
     )
 
