@@ -26,18 +26,20 @@ class Break:
     """Where a recording falls in two.
 
     sides: the longer one, what to leave out for it, and the span that the break lies in.   code: of what is said of it.
-    what: breaks it, in words.   cure: what the user can do about it, in words.
+    what: breaks it, in words.   cure: what the user can do about it, in words.   skipped_s: of the recording that falls in two,
+    whose first scan the sides count from; what is told counts from the first one that there is, as the result's times do.
     """
 
     sides: Sides
     code: str
     what: str
     cure: str
+    skipped_s: float = 0.0
 
     @property
     def longer_in_words(self) -> str:
         """The longer side's span."""
-        return _between(self.sides.longer_s)
+        return _between(self.sides.longer_s, self.skipped_s)
 
     def told(self, used: str) -> LogEvent:
         """The warning. used: what of the recording the answer is of, in words."""
@@ -52,13 +54,14 @@ def break_of(answer: Answer, recording: Recording, log: MessageLog) -> Break | N
     step = _clock_step_of(answer, recording)
     if step is not None:
         # A mount that slips asks stretches for other offsets as well.
-        what = f"the two clocks were set against each other, or the mount slipped, {_between(step.within_s)}"
+        what = f"the two clocks were set against each other, or the mount slipped, {_between(step.within_s, recording.skipped_s)}"
         cure = "find out which clock jumps and give it a source of time, or fasten the mount"
-        return Break(step, "clock.set", what, cure)
+        return Break(step, "clock.set", what, cure, recording.skipped_s)
     silence = imu_silence(recording, answer.time_offset_ns) if disagrees(log) else None
     if silence is not None:
-        what = f"the IMU is silent {_between(silence.within_s)}, and what lies before does not go with what lies after"
-        return Break(silence, SILENT, what, "find out where its readings are lost")
+        when = _between(silence.within_s, recording.skipped_s)
+        what = f"the IMU is silent {when}, and what lies before does not go with what lies after"
+        return Break(silence, SILENT, what, "find out where its readings are lost", recording.skipped_s)
     return None
 
 
@@ -85,5 +88,5 @@ def _clock_step_of(answer: Answer, recording: Recording) -> Sides | None:
     return clock_step(blocks, turning_rad_s, at_once=answer.at_once)
 
 
-def _between(span_s: tuple[float, float]) -> str:
-    return f"between {span_s[0]:z.1f} s and {span_s[1]:z.1f} s"
+def _between(span_s: tuple[float, float], skipped_s: float) -> str:
+    return f"between {skipped_s + span_s[0]:z.1f} s and {skipped_s + span_s[1]:z.1f} s"

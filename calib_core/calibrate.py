@@ -75,8 +75,7 @@ def calibrate(
         text = with_cause(refusal, log.messages)
         messages = [*log.messages, Message(code=refusal.code, level="error", text=text)]
         return Calibration(refused(recording, settings, messages, time.monotonic() - started), None)
-    left_out_s = whole.skipped_s + (recording.scans[0].stamp_ns - whole.scans[0].stamp_ns) * 1e-9
-    answer = since_the_start(answer, left_out_s)
+    answer = since_the_start(answer, recording.skipped_s)
     messages = log.messages if answer.is_weak else with_doubts_settled(log.messages)
     result = document(recording, settings, answer, messages, time.monotonic() - started)
     return with_crispness(Calibration(result, answer.trajectory), recording, settings)

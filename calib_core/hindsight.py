@@ -48,20 +48,20 @@ def with_doubts_settled(messages: Sequence[Message]) -> list[Message]:
     return [settled(message) for message in messages]
 
 
-def since_the_start(answer: Answer, left_out_s: float) -> Answer:
+def since_the_start(answer: Answer, skipped_s: float) -> Answer:
     """The answer with its times counted from the recording's first scan, not from the first scan that was used.
 
-    left_out_s: how much later that one is.
+    skipped_s: how much later that one is, as the recording that was used has it; sentences count from there as they are made.
     """
-    if not left_out_s:
+    if not skipped_s:
         return answer
     if answer.time_offset_at_s is not None:
-        answer = replace(answer, time_offset_at_s=answer.time_offset_at_s + left_out_s)
+        answer = replace(answer, time_offset_at_s=answer.time_offset_at_s + skipped_s)
     if answer.evidence is None:
         return answer
     parts = answer.evidence.parts
     blocks = [
-        block.model_copy(update={"t_start_s": block.t_start_s + left_out_s, "t_end_s": block.t_end_s + left_out_s})
+        block.model_copy(update={"t_start_s": block.t_start_s + skipped_s, "t_end_s": block.t_end_s + skipped_s})
         for block in parts.time_blocks
     ]
     evidence = answer.evidence.model_copy(update={"parts": parts.model_copy(update={"time_blocks": blocks})})

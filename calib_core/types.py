@@ -32,7 +32,7 @@ Level = Literal["info", "warning", "error"]
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Clue:
     """One number behind a finding."""
 
     name: str
@@ -55,7 +55,7 @@ class Finding:
     code: str
     level: Level
     text: str
-    evidence: tuple[Evidence, ...] = ()
+    evidence: tuple[Clue, ...] = ()
     confidence: float = 1.0
     consequence: str = ""
     override: str = ""
@@ -143,7 +143,8 @@ class Recording:
     lidar sent; 0 where nobody has counted.   findings: what was detected about it.   imu_model: a preset's name, or "".
     coarse_offset_ns: seconds-scale guess of the contract's time offset from receive times where the two header clocks
     have different epochs; 0 where they share one. To be ADDED to IMU stamps to express them in the lidar clock.
-    skipped_s: time from the first scan that the whole recording has to the first of these.
+    skipped_s: time from the first scan that the whole recording has to the first of these: what counts from here is told with it
+    added, as the result's times are.
     """
 
     name: str

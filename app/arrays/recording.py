@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, TypeAdapter
 from app.arrays.folder import is_whole, verify, whole_folder
 from calib_core.types import (
     POINT_DTYPE,
-    Evidence,
+    Clue,
     Finding,
     FloatArray,
     ImuData,
@@ -179,7 +179,7 @@ def _finding(found: _FindingText) -> Finding:
         code=found.code,
         level=found.level,
         text=found.text,
-        evidence=tuple(Evidence(name=e.name, value=e.value, unit=e.unit) for e in found.evidence),
+        evidence=tuple(Clue(name=e.name, value=e.value, unit=e.unit) for e in found.evidence),
         confidence=found.confidence,
         consequence=found.consequence,
         override=found.override,

@@ -58,10 +58,6 @@ class OpenScenes:
         """The recording's lock held: a slow scene of one keeps nobody waiting who looks at another."""
         return self._locks.hold(recording_id)
 
-    def locks(self) -> int:
-        """How many locks there are now: none of what nobody uses."""
-        return len(self._locks)
-
     def find(self, recording_id: str) -> OpenScene | None:
         """The recording's scene, if it is open."""
         return self._open.get(recording_id)

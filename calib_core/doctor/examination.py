@@ -15,7 +15,7 @@ from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.readers.cloud_reading import cloud_reading
 from calib_core.readers.clouds.cloud import RawCloud, points_mark
 from calib_core.readers.clouds.decoders import CloudDecoder, cloud_decoder
-from calib_core.readers.clouds.layouts import Layout, recognise_layout
+from calib_core.readers.clouds.layouts import CloudLayout, recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
@@ -24,7 +24,7 @@ from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, p
 from calib_core.readers.imu.messages import ImuCollector, RawImu
 from calib_core.readers.imu.readings import CleanedImu, clean_imu
 from calib_core.readers.one_clock import longest_stretch, order_findings
-from calib_core.readers.reading import sample_clouds
+from calib_core.readers.reading import impossible_stamp, malformed_finding, sample_clouds
 from calib_core.readers.scans import OrderCounts, ScanCounts, make_scan, once_a_stamp
 from calib_core.readers.senders import Sender, require_one_lidar, sender_of, usual_frame
 from calib_core.readers.timing.clocks import HeaderTimes
@@ -33,7 +33,7 @@ from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.readers.topics import choose_imu, choose_lidar
 from calib_core.settings import ReadSettings
 from calib_core.threads import MOST_THREADS, workers
-from calib_core.types import Finding, Scan
+from calib_core.types import BoolArray, Finding, Scan
 
 #: Scans decoded for the statistics, spread evenly; headers are read of all.
 EXAMINED_SCANS = 120
@@ -53,7 +53,7 @@ class Examination:
     imu_topic: TopicSummary | None = None
     decoder: CloudDecoder | None = None
     first: RawCloud | None = None
-    layout: Layout | None = None
+    layout: CloudLayout | None = None
     timing: PointTiming | None = None
     period_s: float = 0.1
     parts: int = 1
@@ -66,10 +66,15 @@ class Examination:
     senders: list[Sender] = field(default_factory=list)
     gathering: Gathering | None = None
     examined: list[tuple[Scan | None, ScanCounts]] = field(default_factory=list)
-    raw_imu: RawImu | None = None
     cleaned: CleanedImu | None = None
     sampled: SampledScans | None = None
     n_malformed: int = 0
+    malformed_text: str = ""
+
+    def leave_out(self, count: int, example: str) -> None:
+        """So many messages of the lidar. example: which is the first, and what is wrong with it."""
+        self.n_malformed += count
+        self.malformed_text = self.malformed_text or example
 
 
 def choose(state: Examination, recording: OpenRecording, settings: ReadSettings) -> None:
@@ -155,14 +160,16 @@ def read(
     _require_one_lidar(state)
     if state.gathering is not None and (rest := state.gathering.rest()) is not None:
         state.sampled.add(rest)
+    _keep_plausible(state)
     if imu is not None:
-        state.raw_imu = collector.finish()
-        _keep_to_one_clock(state, recording, settings)
+        raw_imu = _on_one_clock(state, collector.finish(), recording, settings)
         try:
-            state.cleaned = clean_imu(state.raw_imu, settings, imu.name)
+            state.cleaned = clean_imu(raw_imu, settings, imu.name, start_ns=recording.start_ns)
             state.findings.extend(state.cleaned.findings)
         except InputError as error:
             state.problems.append(error)
+    if lidar is not None and state.n_malformed:
+        state.findings.append(malformed_finding(lidar.name, state.n_malformed, state.malformed_text))
 
 
 def _require_one_lidar(state: Examination) -> None:
@@ -175,34 +182,42 @@ def _require_one_lidar(state: Examination) -> None:
         state.problems.append(error)
 
 
-def _keep_to_one_clock(state: Examination, recording: OpenRecording, settings: ReadSettings) -> None:
-    """What a solve would not use because a clock was set, or because it is there twice, is not looked at either."""
-    if state.lidar_topic is None or state.imu_topic is None or state.raw_imu is None or state.sampled is None:
-        return
+def _on_one_clock(state: Examination, imu: RawImu, recording: OpenRecording, settings: ReadSettings) -> RawImu:
+    """The IMU's messages that a solve would use. What it would not because a clock was set, or because it is there twice, is
+    not looked at either.
+    """
+    if state.lidar_topic is None or state.imu_topic is None or state.sampled is None:
+        return imu
     lidar = HeaderTimes(np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64))
     topics = state.lidar_topic.name, state.imu_topic.name
     if settings.stamps == "header":
-        stretch = longest_stretch(lidar, state.raw_imu, topics, state.period_s, recording.start_ns)
-        state.raw_imu = stretch.imu
+        stretch = longest_stretch(lidar, imu, topics, state.period_s, recording.start_ns)
+        imu = stretch.imu
         state.findings.extend(stretch.findings)
-        state.sampled.drop(np.array(state.positions, np.int64)[~stretch.scans])
-        lidar = HeaderTimes(lidar.header_ns[stretch.scans], lidar.receive_ns[stretch.scans])
-        state.positions = [at for at, stays in zip(state.positions, stretch.scans, strict=True) if stays]
-        state.marks = [mark for mark, stays in zip(state.marks, stretch.scans, strict=True) if stays]
-        state.header_ns, state.receive_ns = lidar.header_ns.tolist(), lidar.receive_ns.tolist()
-    n_moved = int(np.count_nonzero(lidar.header_ns < np.maximum.accumulate(lidar.header_ns)))
+        _keep(state, stretch.scans)
+        _keep_plausible(state)  # of fewer, others may be the few
+    header_ns = np.array(state.header_ns, np.int64)
+    n_moved = int(np.count_nonzero(header_ns < np.maximum.accumulate(header_ns)))
     _, twice, unlike = once_a_stamp(state.header_ns, state.marks)
     state.findings.extend(order_findings(OrderCounts(n_moved, len(twice), len(unlike)), topics[0]))
     state.sampled.put_in_order()
+    return imu
 
 
-def keep_plausible(state: Examination) -> None:
-    """Look no more at scans whose stamps are minutes off."""
+def _keep_plausible(state: Examination) -> None:
+    """Look no more at scans whose stamps are minutes off, and ask nothing of those stamps."""
     good = plausible_stamps(np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64))
+    if not good.all():
+        state.leave_out(int(np.count_nonzero(~good)), impossible_stamp(state.positions[int(np.argmin(good))]))
+        _keep(state, good)
+
+
+def _keep(state: Examination, clouds: BoolArray) -> None:
+    """Look at these alone. clouds: (M,) of all that were taken in."""
     if state.sampled is not None:
-        state.sampled.drop(np.array(state.positions, np.int64)[~good])
+        state.sampled.drop(np.array(state.positions, np.int64)[~clouds])
     for kept in (state.positions, state.marks, state.header_ns, state.receive_ns):
-        kept[:] = [value for value, stays in zip(kept, good, strict=True) if stays]
+        kept[:] = [value for value, stays in zip(kept, clouds, strict=True) if stays]
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,8 +263,8 @@ class Taking:
         """The next message."""
         try:
             cloud = decoder(message)
-        except MALFORMED:
-            self.state.n_malformed += 1
+        except MALFORMED as error:
+            self.state.leave_out(1, f"message {self._position}: {error}")
         else:
             self.take(cloud)
 
@@ -288,8 +303,8 @@ class Taking:
         if begun.made is not None:
             try:
                 made = begun.made.result()
-            except MALFORMED:
-                state.n_malformed += 1
+            except MALFORMED as error:
+                state.leave_out(1, f"message {begun.position}: {error}")
                 return
             scan = made.scan
             if begun.counted:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calib_core.doctor.examination import READING, Examination, choose, detect, keep_plausible, read
+from calib_core.doctor.examination import READING, Examination, choose, detect, read
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.lidar_report import lidar_report
 from calib_core.doctor.report import (
@@ -153,11 +153,11 @@ def _report(
 
 def _sensors(state: Examination, recording: OpenRecording, headers: HeaderTimes, offset_ns: int) -> Sensors:
     drawn = Timeline()
-    if state.cleaned is not None and state.raw_imu is not None:
-        drawn = timeline(state.cleaned.imu, state.raw_imu, headers.receive_ns, recording.start_ns)
+    if state.cleaned is not None:
+        drawn = timeline(state.cleaned, headers.receive_ns, recording.start_ns)
     return Sensors(
         _lidar(state, headers),
-        _imu(state, recording),
+        None if state.cleaned is None else imu_report(state.cleaned, recording_start_ns=recording.start_ns),
         drawn,
         offset_ns,
         _overlap_s(state.cleaned.imu if state.cleaned else None, headers.header_ns, offset_ns),
@@ -166,22 +166,22 @@ def _sensors(state: Examination, recording: OpenRecording, headers: HeaderTimes,
 
 def _clocks(state: Examination, headers: HeaderTimes, settings: ReadSettings) -> int:
     """The coarse clock offset; what the clocks and the clouds give away joins the findings."""
-    raw, topic = state.raw_imu, state.lidar_topic
-    if raw is None or topic is None or not headers.header_ns.size or not raw.header_ns.size:
+    cleaned, topic = state.cleaned, state.lidar_topic
+    if cleaned is None or topic is None or not headers.header_ns.size:
         return 0
     offset_ns = 0
     if settings.stamps == "header":
         offset_ns, found = examine_clocks(
             headers,
-            HeaderTimes(raw.header_ns, raw.receive_ns),
+            cleaned.headers,
             period_s=state.period_s,
             last_point_s=last_point_after_header_s(state.findings),
             topic=topic.name,
         )
         state.findings.extend(found)
     scans = [scan for scan, _ in state.examined if scan is not None]
-    if state.cleaned is not None and scans:
-        suspicion = deskew_suspicion(scans, state.cleaned.imu, offset_ns, topic.name)
+    if scans:
+        suspicion = deskew_suspicion(scans, cleaned.imu, offset_ns, topic.name)
         state.findings.extend(() if suspicion is None else (suspicion,))
     return offset_ns
 
@@ -199,10 +199,7 @@ def _look_ahead(
     from calib_core.doctor.outlook import doubts_settled, forecast_report, foresee, planes_report
 
     sampled = state.sampled
-    if sampled is None or not state.header_ns:
-        return NOTHING_AHEAD
-    keep_plausible(state)
-    if not sampled.scans:
+    if sampled is None or not sampled.scans:
         return NOTHING_AHEAD
     imu = state.cleaned.imu if state.cleaned is not None else None
 
@@ -233,18 +230,6 @@ def _lidar(state: Examination, headers: HeaderTimes) -> LidarReport | None:
         header_ns=headers.header_ns,
         receive_ns=headers.receive_ns,
         examined=state.examined,
-    )
-
-
-def _imu(state: Examination, recording: OpenRecording) -> ImuReport | None:
-    if state.cleaned is None or state.raw_imu is None:
-        return None
-    return imu_report(
-        state.cleaned.imu,
-        header_ns=state.raw_imu.header_ns,
-        receive_ns=state.raw_imu.receive_ns,
-        recording_start_ns=recording.start_ns,
-        units=(state.cleaned.accelerometer_unit, state.cleaned.gyroscope_unit),
     )
 
 

@@ -20,6 +20,7 @@ from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.imu.clipping import clipped
 from calib_core.pace import GAP_PERIODS
 from calib_core.presets import GENERIC_IMU, find_imu_preset
+from calib_core.readers.imu.readings import CleanedImu
 from calib_core.readers.imu.units import usual_norm
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray, Recording
@@ -28,23 +29,14 @@ _REVERSAL_RAD_S = np.deg2rad(5.0)
 _SLOPE_S = 0.025
 
 
-def imu_report(
-    imu: ImuData,
-    *,
-    header_ns: IntArray,
-    receive_ns: IntArray,
-    recording_start_ns: int,
-    units: tuple[str, str],
-) -> ImuReport:
-    """The report of one IMU; its still spans in the recording's seconds.
-
-    header_ns, receive_ns: stamps in receive order, before cleaning.   units: accelerometer's and gyroscope's, detected.
-    """
-    stamps = stamp_report(header_ns, receive_ns, taken_ns=imu.stamps_ns)
+def imu_report(cleaned: CleanedImu, *, recording_start_ns: int) -> ImuReport:
+    """The report of one IMU; its still spans in the recording's seconds."""
+    imu, headers = cleaned.imu, cleaned.headers
+    stamps = stamp_report(headers.header_ns, headers.receive_ns, taken_ns=imu.stamps_ns)
     # From here on at the times at which a solve takes them: stamps that jitter make any motion look jerky, and noise of it.
     imu = as_taken(Recording("", imu, ()), CalibrateSettings(), ignore_event)[0].imu
     spans = still_spans(imu)
-    lag_ns = int(np.median(receive_ns - header_ns)) if header_ns.size else 0
+    lag_ns = int(np.median(headers.receive_ns - headers.header_ns))
     start_s = (int(imu.stamps_ns[0]) + lag_ns - recording_start_ns) * 1e-9
     preset = find_imu_preset(imu.topic, imu.frame_id)
     shown_preset = preset or GENERIC_IMU
@@ -53,10 +45,10 @@ def imu_report(
     return ImuReport(
         topic=imu.topic,
         frame_id=imu.frame_id,
-        readings=int(header_ns.size),
+        readings=int(headers.header_ns.size),
         stamps=stamps,
-        accelerometer_unit=units[0],
-        gyroscope_unit=units[1],
+        accelerometer_unit=cleaned.accelerometer_unit,
+        gyroscope_unit=cleaned.gyroscope_unit,
         gravity_at_rest_m_s2=_gravity(imu, spans),
         saturation=_saturation(imu),
         excitation=excitation(imu, spans),

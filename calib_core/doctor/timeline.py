@@ -6,17 +6,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.doctor.report import Timeline
-from calib_core.readers.imu.messages import RawImu
-from calib_core.types import ImuData, IntArray
+from calib_core.readers.imu.readings import CleanedImu
+from calib_core.types import IntArray
 
 _STEP_NS = 100_000_000
 #: Longer recordings get longer steps, so that a report stays small.
 _MAX_STEPS = 6000
 
 
-def timeline(imu: ImuData, raw: RawImu, scan_receive_ns: IntArray, recording_start_ns: int) -> Timeline:
+def timeline(cleaned: CleanedImu, scan_receive_ns: IntArray, recording_start_ns: int) -> Timeline:
     """Means of the readings over steps of 0.1 s (longer where the recording is)."""
-    lag_ns = int(np.median(raw.receive_ns - raw.header_ns))
+    imu, headers = cleaned.imu, cleaned.headers
+    lag_ns = int(np.median(headers.receive_ns - headers.header_ns))
     elapsed_ns = imu.stamps_ns + lag_ns - recording_start_ns
     step_ns = max(_STEP_NS, int((elapsed_ns[-1] - elapsed_ns[0]) // _MAX_STEPS))
     step = (elapsed_ns - elapsed_ns[0]) // step_ns

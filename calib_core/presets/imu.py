@@ -155,8 +155,6 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
             "mti-700",
             "mti-710",
         ),
-        gyro_range_rad_s=7.85,
-        accel_range_m_s2=196.0,
     ),
     ImuPreset(
         "xsens-mti-30",
@@ -164,8 +162,6 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
         CALIBRATED,
         f"Xsens MTi 10-series, manual MT0605P; {_MTI}; figures unconfirmed",
         ("mti-30", "mti30", "mti-20", "mti20", "mti-10", "mti10"),
-        gyro_range_rad_s=7.85,
-        accel_range_m_s2=196.0,
     ),
     ImuPreset(
         "xsens-mti-3",
@@ -173,8 +169,6 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
         CALIBRATED,
         f"Xsens MTi-1 series, earlier hardware: 2023 journal table quoting the data sheet, in-run figures too; {_MTI}",
         ("xsens", "mti-3", "mti3", "mti-1", "mti1", "mti"),
-        gyro_range_rad_s=34.9,
-        accel_range_m_s2=157.0,
     ),
     ImuPreset(
         "vectornav-vn100",
@@ -183,8 +177,6 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
         "VectorNav VN-100 and VN-200: public Kalibr file quoting the data sheet and the vendor's support; alignment within "
         "0.05 deg and in-run figures unconfirmed",
         ("vectornav", "vn100", "vn-100", "vn_100", "vn200", "vn-200", "vn_200"),
-        gyro_range_rad_s=34.9,
-        accel_range_m_s2=157.0,
     ),
     ImuPreset(
         "invensense-mpu6050",
@@ -200,8 +192,6 @@ IMU_PRESETS: tuple[ImuPreset, ...] = (
         "Microstrain 3DM-GX5-25: LIO-SAM's discrete 1.56e-3 rad/s and 3.99e-3 m/s², taken at its 500 Hz; scale 0.05 %, "
         "alignment 0.05 deg and in-run figures unconfirmed",
         ("microstrain", "gx5", "3dm"),
-        gyro_range_rad_s=5.24,
-        accel_range_m_s2=78.0,
     ),
     ImuPreset(
         "adis16448",

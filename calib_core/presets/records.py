@@ -12,8 +12,8 @@ from calib_core.settings import ImuNoise
 class ImuPreset:
     """One IMU. words: lower-case fragments that identify it in a topic, frame id or the user's own words.
 
-    prior: of its scales, axes and delay.   gyro_range_rad_s, accel_range_m_s2: usual full scale, for the saturation check;
-    None where models differ.
+    prior: of its scales, axes and delay. Full scales are none of it: drivers set them, and a sensor at its own shows
+    (`imu/clipping.py`).
     """
 
     name: str
@@ -21,8 +21,6 @@ class ImuPreset:
     prior: ImuPrior
     source: str
     words: tuple[str, ...]
-    gyro_range_rad_s: float | None = None
-    accel_range_m_s2: float | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calib_core.readers.clouds.cloud import RawCloud, StructArray, points_mark
-from calib_core.types import BoolArray, Evidence, Finding, Scan
+from calib_core.types import BoolArray, Clue, Finding, Scan
 
 #: The usual turn of a lidar, and the usual frame of one that does not turn: a scan is gathered to this length.
 _SCAN_S = 0.1
@@ -70,7 +70,7 @@ def gathered_finding(topic: str, parts: int, period_s: float) -> Finding:
         "points.gathered",
         "info",
         f"Clouds on {topic} come every {1e3 * period_s:.3g} ms, each a part of a sweep: {parts} at a time are taken as one scan.",
-        (Evidence("clouds a scan", parts), Evidence("period of clouds", round(period_s, 6), "s")),
+        (Clue("clouds a scan", parts), Clue("period of clouds", round(period_s, 6), "s")),
     )
 
 

@@ -111,7 +111,7 @@ def _load_open(
     raw_imu, set_findings = on_one_clock(
         reading, reading.imu.finish(), (lidar_topic.name, imu_topic.name), info.period_s, settings
     )
-    cleaned = clean_imu(raw_imu, settings, imu_topic.name)
+    cleaned = clean_imu(raw_imu, settings, imu_topic.name, start_ns=recording.start_ns)
     scans.finish()
     skipped_s = max(0, reading.receive_ns[0] - first_ns) * 1e-9
     offset_ns = 0
@@ -119,7 +119,7 @@ def _load_open(
     if settings.stamps == "header":
         offset_ns, clock_findings = examine_clocks(
             HeaderTimes(np.array(reading.header_ns, np.int64), np.array(reading.receive_ns, np.int64)),
-            HeaderTimes(raw_imu.header_ns, raw_imu.receive_ns),
+            cleaned.headers,
             period_s=cloud_s,
             last_point_s=last_point_after_header_s(findings),
             topic=lidar_topic.name,

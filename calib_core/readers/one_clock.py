@@ -13,7 +13,7 @@ from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
 from calib_core.readers.timing.resets import reset_finding, resets, sides
 from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
-from calib_core.types import BoolArray, Evidence, Finding
+from calib_core.types import BoolArray, Clue, Finding
 
 #: A scan that is received so many periods after a clock was set may have begun before.
 _BEGUN_BEFORE = 2.0
@@ -63,17 +63,17 @@ def order_findings(counts: OrderCounts, topic: str) -> tuple[Finding, ...]:
     found: list[Finding] = []
     if counts.twice:
         text = f"{counts.twice} clouds on {topic} bear the stamp of another and hold its points; the first of each was kept."
-        found.append(Finding("points.sent_twice", "warning", text, (Evidence("clouds sent twice", counts.twice),)))
+        found.append(Finding("points.sent_twice", "warning", text, (Clue("clouds sent twice", counts.twice),)))
     if counts.unlike:
         text = (
             f"{counts.unlike} clouds on {topic} bear the stamp of another and hold other points; the first of each was kept,"
             " the others were left out."
         )
-        evidence = (Evidence("clouds with another's stamp", counts.unlike),)
+        evidence = (Clue("clouds with another's stamp", counts.unlike),)
         found.append(Finding("points.shared_stamps", "warning", text, evidence))
     if counts.moved:
         text = f"{counts.moved} clouds on {topic} came after later ones; they were sorted by stamp."
-        found.append(Finding("points.out_of_order", "warning", text, (Evidence("clouds moved", counts.moved),)))
+        found.append(Finding("points.out_of_order", "warning", text, (Clue("clouds moved", counts.moved),)))
     return tuple(found)
 
 

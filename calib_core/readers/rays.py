@@ -17,7 +17,7 @@ import numpy as np
 
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.scans import RING_NAMES
-from calib_core.types import Evidence, Finding, FloatArray, IntArray
+from calib_core.types import Clue, Finding, FloatArray, IntArray
 
 #: Clouds that are looked at, all over the sample, and points of them all.
 _LOOKED_AT, _OF_ALL = 12, 8000
@@ -60,8 +60,8 @@ def where_rays_meet(sample: Sequence[RawCloud], topic: str) -> tuple[Finding, ..
             f" {sample[0].frame_id or 'theirs'}. The extrinsic is that of the frame that they are in, and what lasers are off by"
             " is corrected along rays that do not begin there: let the driver publish them in the lidar's own frame.",
             evidence=(
-                Evidence("where the rays meet, from the frame's origin", round(away_m, 3), "m"),
-                Evidence("tilt of the rotor's axis", round(tilt_deg, 2), "deg"),
+                Clue("where the rays meet, from the frame's origin", round(away_m, 3), "m"),
+                Clue("tilt of the rotor's axis", round(tilt_deg, 2), "deg"),
             ),
             consequence="Millimetres, where lasers read long or short.",
         ),

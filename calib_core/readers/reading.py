@@ -30,7 +30,7 @@ from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
 from calib_core.threads import usable_cores
-from calib_core.types import BoolArray, Evidence, Finding, Scan
+from calib_core.types import BoolArray, Clue, Finding, Scan
 
 #: Scans that the detection of the point times looks at.
 SAMPLED_SCANS = 60
@@ -153,7 +153,7 @@ class Reading:
         rest = None if self.gathering is None else self.gathering.rest()
         if rest is not None:
             self._add(self._written(rest))
-        self._drop_impossible_stamps()
+        self.drop_impossible_stamps()
         if not len(self.scans):
             raise InputError(
                 f"No scan on {lidar.name} holds a point between {self.settings.range_min_m:g} m and"
@@ -172,19 +172,25 @@ class Reading:
         """Go on with these scans alone. kept: (M,) of `stamped`."""
         left = {index for index, stays in zip(self.scans.message_indices, kept, strict=True) if stays}
         self.scans.without(np.flatnonzero(~kept).tolist())
+        self._keep_messages(left)
+        self.drop_impossible_stamps()  # of fewer, others may be the few
+
+    def _keep_messages(self, left: set[int]) -> None:
         rows = [row for row, index in enumerate(self.indices) if index in left]
         self.indices = [self.indices[row] for row in rows]
         self.header_ns = [self.header_ns[row] for row in rows]
         self.receive_ns = [self.receive_ns[row] for row in rows]
         self.counts = [self.counts[row] for row in rows]
 
-    def _drop_impossible_stamps(self) -> None:
+    def drop_impossible_stamps(self) -> None:
+        """Go on without clouds whose stamps are damaged: whatever is asked of stamps later has none of them."""
         good = plausible_stamps(np.array(self.header_ns, np.int64), np.array(self.receive_ns, np.int64))
         bad = {int(index) for index in np.array(self.indices, np.int64)[~good]}
         if bad:
             self.n_malformed += len(bad)
-            self.malformed_text = self.malformed_text or f"message {min(bad)}: its stamp is minutes off"
+            self.malformed_text = self.malformed_text or impossible_stamp(min(bad))
             self.scans.without([k for k, index in enumerate(self.scans.message_indices) if index in bad])
+            self._keep_messages(set(self.indices) - bad)
 
     def _report(self, n_seen: int, n_total: int) -> None:
         if self.should_cancel():
@@ -247,23 +253,14 @@ class Reading:
         out_of_time = sum(c.out_of_time for c in self.counts)
         no_return = sum(c.no_return for c in self.counts)
         if self.n_malformed:
-            found.append(
-                Finding(
-                    "points.malformed",
-                    "warning",
-                    f"{counted(self.n_malformed, 'message')} on {topic} cannot be decoded and "
-                    f"{'was' if self.n_malformed == 1 else 'were'} left out"
-                    f" ({self.malformed_text}).",
-                    (Evidence("malformed messages", self.n_malformed),),
-                )
-            )
+            found.append(malformed_finding(topic, self.n_malformed, self.malformed_text))
         if out_of_time:
             found.append(
                 Finding(
                     "points.out_of_sweep",
                     "warning" if out_of_time > 0.001 * sent else "info",
                     f"{out_of_time:,} of {sent:,} points on {topic} had a time outside of their sweep and were left out.",
-                    (Evidence("points outside the sweep", out_of_time), Evidence("points", sent)),
+                    (Clue("points outside the sweep", out_of_time), Clue("points", sent)),
                 )
             )
         if no_return:
@@ -273,10 +270,26 @@ class Reading:
                     "info",
                     f"{no_return:,} of {sent:,} points on {topic} had no return, or one outside of"
                     f" {self.settings.range_min_m:g} to {self.settings.range_max_m:g} m, and were left out.",
-                    (Evidence("points left out", no_return), Evidence("points", sent)),
+                    (Clue("points left out", no_return), Clue("points", sent)),
                 )
             )
         return tuple(found)
+
+
+def malformed_finding(topic: str, n_malformed: int, example: str) -> Finding:
+    """What is said of clouds that are left out. example: which was the first, and what is wrong with it."""
+    return Finding(
+        "points.malformed",
+        "warning",
+        f"{counted(n_malformed, 'message')} on {topic} cannot be decoded and "
+        f"{'was' if n_malformed == 1 else 'were'} left out ({example}).",
+        (Clue("malformed messages", n_malformed),),
+    )
+
+
+def impossible_stamp(index: int) -> str:
+    """What is wrong with a message whose stamp is damaged. index: which of its topic it is."""
+    return f"message {index}: its stamp is minutes off"
 
 
 def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ...]:
@@ -298,7 +311,7 @@ def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ..
                 level="info" if damage.kind == "index" else "warning",
                 text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used"
                 f" ({counted(n_scans, 'scan')}).",
-                evidence=(Evidence("scans recovered", n_scans), Evidence("file", damage.file)),
+                evidence=(Clue("scans recovered", n_scans), Clue("file", damage.file)),
                 consequence="" if damage.kind == "index" else "the result rests on the recovered part only",
             )
         )

@@ -17,7 +17,7 @@ from calib_core.readers.clouds.cloud import RawCloud, StructArray
 from calib_core.readers.clouds.decoders import CloudDecoder
 from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.scans import RING_NAMES
-from calib_core.types import Evidence, Finding, FloatArray
+from calib_core.types import Clue, Finding, FloatArray
 
 #: Clouds of the sample that are looked at, all over it.
 _LOOKED_AT = 12
@@ -91,7 +91,7 @@ def by_rows(sample: Sequence[RawCloud], decoder: CloudDecoder, topic: str) -> tu
         level="info",
         text=f"the points on {topic} do not say which laser took them: {len(rows.middles_deg)} rows of elevation from"
         f" {low:.1f} to {high:.1f} deg tell them apart, counted from the lowest, which is laser 0",
-        evidence=(Evidence("rows of elevation", len(rows.middles_deg)),),
+        evidence=(Clue("rows of elevation", len(rows.middles_deg)),),
         override="--intrinsics",
     )
     return ByRows(decoder, rows), (finding,)

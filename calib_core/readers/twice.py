@@ -17,7 +17,7 @@ from calib_core.readers.scans import RING_NAMES
 from calib_core.readers.timing.point_time import PointTiming, raw_times
 from calib_core.readers.timing.split_time import is_split
 from calib_core.settings import ReadSettings
-from calib_core.types import BoolArray, Evidence, Finding
+from calib_core.types import BoolArray, Clue, Finding
 
 #: Two beams never return to the bit alike, but damaged or made-up points may: fewer than these are not worth a look at all.
 _SHARE = 0.02
@@ -64,7 +64,7 @@ def once_each(
         level="info",
         text=f"{share:.0%} of the returns on {topic} are there twice, as of a lidar that sends two of a beam where there is one;"
         " each counts once.",
-        evidence=(Evidence("returns that are there already", share),),
+        evidence=(Clue("returns that are there already", share),),
         override="--repeated-returns as-sent",
     )
     return OnceEach(decoder, timing), (finding,)

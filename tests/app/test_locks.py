@@ -57,7 +57,7 @@ def test_the_scenes_keep_no_lock_of_what_nobody_uses(shared_live):
     hub.dial(recording_id).close()
     hub.open.close(recording_id)
     shared_live.http.delete(f"/api/recordings/{recording_id}")
-    shared_live.wait(lambda: hub.open.locks() == 0)
+    shared_live.wait(lambda: len(hub.open._locks) == 0)
 
 
 def test_the_planes_keep_no_lock_of_what_nobody_edits(shared_live):

@@ -58,7 +58,7 @@ def test_clutter_is_left_out_by_name_and_costs_nothing(
 ) -> None:
     """At most 1.3 times what the walls alone tell, block by block.
 
-    Mutation: no plane is ever left out (`cull` that returns False): the parts disagree, and every sigma grows with that.
+    Mutation: no plane is ever left out (`drop_planes` that gives its state back): none is named.
     """
     free, walls = (np.array(compare(result, crowded[1])[1]) for result in answers)
     for block in (slice(0, 3), slice(3, 6), slice(6, 7)):

@@ -33,7 +33,6 @@ import numpy as np
 
 from calib_core.full.assess.considered import Considered
 from calib_core.full.assess.disagreement import Disagreement, together
-from calib_core.full.assess.shifts import CONSIDERED
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.types import FloatArray
@@ -44,13 +43,11 @@ SHAPES, DISAGREEMENT, CLOCKS = "planes.shape", "solve.disagreement", "clock.coar
 
 @dataclass(frozen=True, slots=True)
 class ErrorPart:
-    """One thing that the answer may be off by. name: of it.   why: it is there.   told_by: code of what a person hears of it, ""
-    where the stated uncertainty is all.   scaled: (7, 7) covariance in units of 1 deg, 10 mm, 1 ms.
+    """One thing that the answer may be off by. name: as in the table above.   scaled: (7, 7) covariance in units of 1 deg, 10 mm,
+    1 ms.
     """
 
     name: str
-    why: str
-    told_by: str
     scaled: FloatArray
 
     @property
@@ -109,11 +106,11 @@ class ErrorBudget:
         clocks = np.zeros((CALIBRATION, CALIBRATION))
         clocks[TIME_OFFSET, TIME_OFFSET] = (self.clocks_std_s / UNITS[TIME_OFFSET]) ** 2
         return (
-            ErrorPart("noise", "residuals scatter, and the motion tells the seven only so well", "", self.noise),
-            ErrorPart("considered", "sensors were taken for ideal, and may be off", CONSIDERED, self.considered),
-            ErrorPart("shapes", "planes are bent, and their bends would not come to rest", SHAPES, self.shapes),
-            ErrorPart("disagreement", "parts of the recording disagree beyond noise", DISAGREEMENT, self.disagreement),
-            ErrorPart("clocks", "stamps jitter and were cut off", CLOCKS, clocks),
+            ErrorPart("noise", self.noise),
+            ErrorPart("considered", self.considered),
+            ErrorPart("shapes", self.shapes),
+            ErrorPart("disagreement", self.disagreement),
+            ErrorPart("clocks", clocks),
         )
 
     @property

@@ -13,7 +13,7 @@ import numpy as np
 
 from calib_core.full.initialise.settings import AGREEING, LAGS
 from calib_core.full.initialise.start import LidarTrack
-from calib_core.full.initialise.time_offset import Turns, least_overlap, masked_correlation, turns_of
+from calib_core.full.initialise.time_offset import LidarTurns, least_overlap, masked_correlation, turns_of
 from calib_core.types import FloatArray
 
 #: Of a radian.
@@ -25,12 +25,11 @@ _QUARTILES = (25.0, 50.0, 75.0)
 class Agreement:
     """How the rates' sizes go together at the lag where they do best.
 
-    correlation: Pearson's.   lag_s: added to IMU stamps.   ratio: gyroscope over lidar, in the middle of the fast spans;
+    correlation: Pearson's.   ratio: gyroscope over lidar, in the middle of the fast spans;
     ratio_spread: half of what lies between its quartiles, over the ratio.
     """
 
     correlation: float
-    lag_s: float
     ratio: float
     ratio_spread: float
 
@@ -42,7 +41,7 @@ class Agreement:
         return any(unit / most < self.ratio < unit * most for unit in (1.0, DEGREES, 1.0 / DEGREES))
 
 
-NO_AGREEMENT = Agreement(0.0, 0.0, 1.0, np.inf)
+NO_AGREEMENT = Agreement(0.0, 1.0, np.inf)
 
 
 def agreement(lidar: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agreement:
@@ -70,7 +69,7 @@ def agreeing_part(lidar: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray) 
     return part, best
 
 
-def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agreement:
+def agreement_of(turns: LidarTurns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agreement:
     """Of turns over spans of time, in order of time."""
     if len(turns.start_s) < AGREEING.fewest_spans or len(imu_s) < 2:
         return NO_AGREEMENT
@@ -100,9 +99,9 @@ def agreement_of(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> Agr
     own = mean_rate(imu_s, gyro_rad_s, turns.start_s - lag_s, turns.end_s - lag_s)
     fast = np.isfinite(own) & (norms > AGREEING.fast_share * np.percentile(norms, AGREEING.top_percent)) & (norms > 0.0)
     if np.count_nonzero(fast) < AGREEING.fewest_spans:
-        return Agreement(float(score[k]), lag_s, 1.0, np.inf)
+        return Agreement(float(score[k]), 1.0, np.inf)
     low, ratio, high = np.percentile(own[fast] / norms[fast], _QUARTILES)
-    return Agreement(float(score[k]), lag_s, float(ratio), float(0.5 * (high - low) / max(ratio, 1e-12)))
+    return Agreement(float(score[k]), float(ratio), float(0.5 * (high - low) / max(ratio, 1e-12)))
 
 
 def mean_rate(imu_s: FloatArray, gyro_rad_s: FloatArray, start_s: FloatArray, end_s: FloatArray) -> FloatArray:

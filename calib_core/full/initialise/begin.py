@@ -77,7 +77,7 @@ def begin(
         of_proposal = tuple(matched(best.planes, proposed).tolist())
         return replace(best, proposals=proposed, of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal))
     scans = run.recording.scans
-    at_s = (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
+    at_s = run.recording.skipped_s + (scans[best.reference].stamp_ns - scans[0].stamp_ns) * 1e-9
     run.say(
         "info",
         "track.reference",

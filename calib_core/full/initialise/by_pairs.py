@@ -20,7 +20,7 @@ from calib_core.full.initialise.felt import GyroTurning
 from calib_core.full.initialise.rotation import fit_lags
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import RotationStart
-from calib_core.full.initialise.time_offset import GyroTurns, Turns
+from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns
 from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.odometry.pairs import pair_turns
 from calib_core.full.odometry.settings import FOLLOWING
@@ -123,7 +123,7 @@ def _by_pairs(run: Run, scans: Sequence[Scan], turning: Turning | None) -> tuple
     start_s, end_s = middle_s[pairs.first], middle_s[pairs.first + 1]
     worth = 1.0 / (pairs.std_rad**2 + VECTORS.pair_std_rad**2)
     rate_rad_s = pairs.rotvec_rad / np.maximum(end_s - start_s, AGREEING.shortest_span_s)[:, None]
-    turns = Turns(start_s, end_s, rate_rad_s, worth)
+    turns = LidarTurns(start_s, end_s, rate_rad_s, worth)
     imu_s, gyro_rad_s = run.clocks.imu_s, run.recording.imu.gyro_rad_s
     lags = lags_by_vectors(turns, imu_s, gyro_rad_s)
     starts = fit_lags(turns, GyroTurns(imu_s, gyro_rad_s), lags)
@@ -131,5 +131,5 @@ def _by_pairs(run: Run, scans: Sequence[Scan], turning: Turning | None) -> tuple
     if starts and (starts[0].correlation > VECTORS.alike or starts[0].residual < VECTORS.left):
         # What is left of them knows the few that went wrong, which likeness does not.
         alike = max(starts[0].correlation, math.sqrt(1.0 - min(starts[0].residual, 1.0) ** 2))
-        agreed = replace(agreed, correlation=max(agreed.correlation, alike), lag_s=starts[0].time_offset_s)
+        agreed = replace(agreed, correlation=max(agreed.correlation, alike))
     return starts, agreed

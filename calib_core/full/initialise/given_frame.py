@@ -47,7 +47,7 @@ def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Placed:
     reference, _ = find_reference(scans, run.settings, should_cancel=run.should_cancel)
     if reference == first or _share_on(run, given, first) <= _share_on(run, given, reference):
         return Placed(given)
-    at_s = (scans[reference].stamp_ns - scans[first].stamp_ns) * 1e-9
+    at_s = run.recording.skipped_s + (scans[reference].stamp_ns - scans[0].stamp_ns) * 1e-9
     text = (
         f"the given {'plane lies' if len(given) == 1 else 'planes lie'} where the first scan shows planes, not where the scan at "
         f"{at_s:.1f} s does"

@@ -111,8 +111,8 @@ def _fitting(
     seen = (np.eye(3) - track.unseen[use]) @ (np.eye(3) - track.unseen[use + 1])
     only_seen = scipy.sparse.block_diag([*seen, scipy.sparse.identity(3 * len(use))], format="csr")
     rhs_p = (shown_m - PP[use]) / LINEAR.position_std_m
-    rhs_v = -VV[use] / LINEAR.velocity_std_m_s
-    rhs = np.concatenate([rhs_p.ravel(), -rhs_v.ravel()])
+    rhs_v = VV[use] / LINEAR.velocity_std_m_s
+    rhs = np.concatenate([rhs_p.ravel(), rhs_v.ravel()])
 
     def fitted(weight: FloatArray) -> Steps:
         gravity = np.zeros(3)

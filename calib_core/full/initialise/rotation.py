@@ -19,7 +19,7 @@ from calib_core.full.initialise.settings import AGREEING, LAGS, ROTATING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import (
     GyroTurns,
-    Turns,
+    LidarTurns,
     candidate_lags,
     masked_correlation,
     nearest_peaks,
@@ -39,7 +39,7 @@ def rotation_start(track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray)
 
 def best_turns(
     track: LidarTrack, imu_s: FloatArray, gyro_rad_s: FloatArray
-) -> tuple[Turns, GyroTurns, list[tuple[float, float]]]:
+) -> tuple[LidarTurns, GyroTurns, list[tuple[float, float]]]:
     """The turns that agree best with the gyroscope's, these, and the lags at which they do, with their correlations."""
     gyro = GyroTurns(imu_s, gyro_rad_s)
     kinds = [(turns, candidate_lags(turns, gyro, imu_s)) for turns in turns_of(track)]
@@ -52,7 +52,7 @@ def is_worse(left: float, best: float) -> bool:
     return left > max(ROTATING.worse_times * best, best + ROTATING.worse_share)
 
 
-def left_by(turns: Turns, gyro: GyroTurns, offset_s: float, R_imu_lidar: FloatArray) -> FloatArray:
+def left_by(turns: LidarTurns, gyro: GyroTurns, offset_s: float, R_imu_lidar: FloatArray) -> FloatArray:
     """What each rotation (K, 3, 3) leaves of the turns at a lag, as `RotationStart.residual` has it. Turns that the first one
     leaves far off count little.
     """
@@ -66,7 +66,7 @@ def left_by(turns: Turns, gyro: GyroTurns, offset_s: float, R_imu_lidar: FloatAr
     return np.asarray(np.sqrt(np.sum(weight * size**2, axis=1) / spread))
 
 
-def fit_lags(turns: Turns, gyro: GyroTurns, lags: Sequence[tuple[float, float]]) -> list[RotationStart]:
+def fit_lags(turns: LidarTurns, gyro: GyroTurns, lags: Sequence[tuple[float, float]]) -> list[RotationStart]:
     """The rotation at each lag, the lag refined on the residual; best first, and of such as good the nearest to the stamps' own.
 
     lags: with their correlations.
@@ -99,7 +99,7 @@ def _is_apart(one: RotationStart, best: RotationStart, left: Callable[[FloatArra
     return max(left(between), default=0.0) > ROTATING.worse_times * one.residual
 
 
-def _fit_lag(turns: Turns, gyro: GyroTurns, lag_s: float, correlation: float) -> RotationStart | None:
+def _fit_lag(turns: LidarTurns, gyro: GyroTurns, lag_s: float, correlation: float) -> RotationStart | None:
     """The rotation about a lag, at the lag that leaves least; None where too few turns are in common."""
     offsets = lag_s + _around()
     values = np.array([np.inf if f is None else f.residual for f in _fit_rotations(turns, gyro, offsets, correlation)])
@@ -121,7 +121,7 @@ def _around() -> FloatArray:
 
 
 def _fit_rotations(
-    turns: Turns, gyro: GyroTurns, offsets_s: FloatArray, correlation: float
+    turns: LidarTurns, gyro: GyroTurns, offsets_s: FloatArray, correlation: float
 ) -> list[RotationStart | None]:
     """Kabsch on the two streams of turns at each of these lags (O,), reweighted against outliers; all of them at once."""
     at_once = offsets_s[:, None]

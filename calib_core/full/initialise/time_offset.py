@@ -21,7 +21,7 @@ from calib_core.types import FloatArray
 
 
 @dataclass(frozen=True)
-class Turns:
+class LidarTurns:
     """The lidar's turns over spans of time. start_s, end_s: (N,) lidar clock. rate_rad_s: (N, 3) rotation vector per second.
 
     worth: (N,) what each counts for beside the others, None for all alike.
@@ -33,10 +33,10 @@ class Turns:
     worth: FloatArray | None = None
 
 
-def turns_of(track: LidarTrack) -> list[Turns]:
+def turns_of(track: LidarTrack) -> list[LidarTurns]:
     """Turns within the sweeps, where these last, and between scans one and three apart."""
     lasts = track.sweep_s > 0.0
-    within = Turns(track.start_s[lasts], (track.start_s + track.sweep_s)[lasts], track.omega_rad_s[lasts])
+    within = LidarTurns(track.start_s[lasts], (track.start_s + track.sweep_s)[lasts], track.omega_rad_s[lasts])
     out = [within] if lasts.any() else []
     period = float(np.median(np.diff(track.start_s))) if len(track.start_s) > 1 else 0.0
     for apart in LAGS.apart_scans:
@@ -45,7 +45,7 @@ def turns_of(track: LidarTrack) -> list[Turns]:
         T = track.start_s[apart:] - track.start_s[:-apart]
         rate = log(np.swapaxes(track.R[:-apart], 1, 2) @ track.R[apart:]) / T[:, None]
         whole = (apart + 0.5) * period > T
-        out.append(Turns(track.start_s[:-apart][whole], track.start_s[apart:][whole], rate[whole]))
+        out.append(LidarTurns(track.start_s[:-apart][whole], track.start_s[apart:][whole], rate[whole]))
     return out
 
 
@@ -71,7 +71,7 @@ class GyroTurns:
         return out
 
 
-def candidate_lags(turns: Turns, gyro: GyroTurns, imu_s: FloatArray) -> list[tuple[float, float]]:
+def candidate_lags(turns: LidarTurns, gyro: GyroTurns, imu_s: FloatArray) -> list[tuple[float, float]]:
     """The lags (seconds to add to IMU stamps) at which the turns' sizes agree best, with their correlations, best first.
 
     Of a motion that repeats itself the ones nearest to the stamps' own that are nearly as good go with them.

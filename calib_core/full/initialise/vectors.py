@@ -14,11 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 from calib_core.full.initialise.settings import VECTORS
-from calib_core.full.initialise.time_offset import Turns, nearest_peaks
+from calib_core.full.initialise.time_offset import LidarTurns, nearest_peaks
 from calib_core.types import FloatArray
 
 
-def lags_by_vectors(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[tuple[float, float]]:
+def lags_by_vectors(turns: LidarTurns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> list[tuple[float, float]]:
     """The lags (seconds to add to IMU stamps) at which the turns are most alike, with their likeness, best first.
 
     Of a motion that repeats itself the ones nearest to the stamps' own that are nearly as good go with them.
@@ -44,7 +44,7 @@ def lags_by_vectors(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray) -> 
     return best + [(float(lags[k]), float(score[k])) for k in more]
 
 
-def likeness(turns: Turns, imu_s: FloatArray, gyro_rad_s: FloatArray, lags_s: FloatArray) -> FloatArray:
+def likeness(turns: LidarTurns, imu_s: FloatArray, gyro_rad_s: FloatArray, lags_s: FloatArray) -> FloatArray:
     """How alike the turns are at each lag [s] (L,), -inf where too few are in common. imu_s: (Q,).   gyro_rad_s: (Q, 3)."""
     size = np.linalg.norm(turns.rate_rad_s, axis=1)
     a = turns.rate_rad_s * np.minimum(1.0, np.percentile(size, VECTORS.top_percent) / np.maximum(size, 1e-12))[:, None]

@@ -240,10 +240,12 @@ def until_seen(data: JointData, state: Estimation, seen_at: int, policy: Propaga
     if (state.knots - keep) * spacing_s < policy.window_s:
         return state
     now_s = data.readings.knots_s[keep - 1] + state.estimate.time_offset_s
+    since_start_s = data.run.recording.skipped_s + now_s
     data.run.say(
         "warning",
         "planes.lost",
-        f"the planes went out of sight {now_s:.0f} s after the first scan and were not seen again: what follows is not used",
+        f"the planes went out of sight {since_start_s:.0f} s after the recording's first scan and were not seen again: what "
+        "follows is not used",
     )
     middles_s = _middles_s(data)
     return replace(

@@ -118,7 +118,7 @@ class Estimate:
         planes = s[layout.every_plane()].reshape(-1, 3)
         axes = plane_axes(self.normals)
         normals = self.normals + np.einsum("pi,pij->pj", planes[:, :2], axes)
-        # Turning a normal about the origin and renormalising: the offset follows the same scale.
+        # Turned and of unit length again, which is of second order in the step; the offset is an unknown of its own.
         length = np.linalg.norm(normals, axis=1)
         # Gravity turns, and its magnitude changes, each by what the step says: a magnitude that is given to a ten-millionth
         # would let no step pass that adds to its square.

@@ -26,7 +26,8 @@ def without_spans(recording: Recording, spans_s: Spans) -> Recording:
             f"{len(recording.scans)} scans of {recording.name}; exclude less."
         )
     total = recording.scans_total or len(recording.scans)
-    return replace(recording, scans=kept, scans_total=total)
+    later_s = (kept[0].stamp_ns - recording.scans[0].stamp_ns) * 1e-9
+    return replace(recording, scans=kept, scans_total=total, skipped_s=recording.skipped_s + later_s)
 
 
 def kept_places(scans: Sequence[Scan], spans_s: Spans) -> list[int]:

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.types import Evidence, Finding, FloatArray, ImuData, Scan
+from calib_core.types import Clue, Finding, FloatArray, ImuData, Scan
 
 _EXAMINED = 60
 _MIN_POINTS = 60
@@ -55,10 +55,10 @@ def deskew_suspicion(scans: Sequence[Scan], imu: ImuData, coarse_offset_ns: int,
         text=f"The clouds on {topic} look as if the motion was already taken out: azimuths lose step with the point"
         f" times by {np.rad2deg(seen):.2f} deg while the rig turns.",
         evidence=(
-            Evidence("misfit while turning", round(float(np.rad2deg(seen)), 4), "deg"),
-            Evidence("misfit at rest", round(float(np.rad2deg(rest)), 4), "deg"),
-            Evidence("turning scans", len(moving)),
-            Evidence("resting scans", len(still)),
+            Clue("misfit while turning", round(float(np.rad2deg(seen)), 4), "deg"),
+            Clue("misfit at rest", round(float(np.rad2deg(rest)), 4), "deg"),
+            Clue("turning scans", len(moving)),
+            Clue("resting scans", len(still)),
         ),
         confidence=0.8 if still else 0.5,
         consequence="the translation and the time offset cannot be trusted; record the driver's raw cloud",

@@ -16,33 +16,32 @@ _HELP = {
 
 
 @dataclass(frozen=True, slots=True)
-class Layout:
-    """name: stable, e.g. "velodyne".   vendor: "" where unknown.   help_text: a clause for the no-time sentence."""
+class CloudLayout:
+    """How a driver lays out its clouds. name: stable, e.g. "velodyne"."""
 
     name: str
-    vendor: str
 
     @property
     def help_text(self) -> str:
-        """What to do where the clouds carry no time, or ""."""
+        """What to do where the clouds carry no time: a clause for the sentence that says so, or ""."""
         return _HELP.get(self.name, "")
 
 
-#: (layout, vendor, fields that must all be there), the most particular first.
-_BY_FIELDS: tuple[tuple[str, str, frozenset[str]], ...] = (
-    ("livox-custommsg", "livox", frozenset({"offset_time", "reflectivity", "tag", "line"})),
-    ("livox-driver2-pointcloud2", "livox", frozenset({"tag", "line", "timestamp"})),
-    ("livox-driver1-pointcloud2", "livox", frozenset({"tag", "line"})),
-    ("nebula", "", frozenset({"return_type", "channel", "azimuth", "elevation", "distance", "time_stamp"})),
-    ("nebula", "", frozenset({"ring", "return_type", "azimuth", "distance", "time_stamp"})),
-    ("seyond", "seyond", frozenset({"timestamp", "scan_id", "scan_idx", "is_2nd_return"})),
-    ("ouster", "ouster", frozenset({"t", "reflectivity", "ring", "range"})),
-    ("aeva", "aeva", frozenset({"time_offset_ns", "velocity", "reflectivity"})),
-    ("sick-all-fields", "sick", frozenset({"i", "lidar_sec", "lidar_nsec"})),
-    ("sick-all-fields", "sick", frozenset({"i", "t", "layer"})),
-    ("sick-all-fields", "sick", frozenset({"i", "ts"})),
-    ("velodyne", "velodyne", frozenset({"intensity", "ring", "time"})),
-    ("xyzirt-absolute", "", frozenset({"intensity", "ring", "timestamp"})),
+#: (layout, fields that must all be there), the most particular first.
+_BY_FIELDS: tuple[tuple[str, frozenset[str]], ...] = (
+    ("livox-custommsg", frozenset({"offset_time", "reflectivity", "tag", "line"})),
+    ("livox-driver2-pointcloud2", frozenset({"tag", "line", "timestamp"})),
+    ("livox-driver1-pointcloud2", frozenset({"tag", "line"})),
+    ("nebula", frozenset({"return_type", "channel", "azimuth", "elevation", "distance", "time_stamp"})),
+    ("nebula", frozenset({"ring", "return_type", "azimuth", "distance", "time_stamp"})),
+    ("seyond", frozenset({"timestamp", "scan_id", "scan_idx", "is_2nd_return"})),
+    ("ouster", frozenset({"t", "reflectivity", "ring", "range"})),
+    ("aeva", frozenset({"time_offset_ns", "velocity", "reflectivity"})),
+    ("sick-all-fields", frozenset({"i", "lidar_sec", "lidar_nsec"})),
+    ("sick-all-fields", frozenset({"i", "t", "layer"})),
+    ("sick-all-fields", frozenset({"i", "ts"})),
+    ("velodyne", frozenset({"intensity", "ring", "time"})),
+    ("xyzirt-absolute", frozenset({"intensity", "ring", "timestamp"})),
 )
 _VENDOR_NAMES = {
     "velodyne": ("velodyne", "vlp", "hdl", "puck"),
@@ -56,23 +55,23 @@ _VENDOR_NAMES = {
 }
 
 
-def recognise_layout(cloud: RawCloud, topic: str) -> Layout:
+def recognise_layout(cloud: RawCloud, topic: str) -> CloudLayout:
     """The layout of a cloud, from its field names, the topic and the frame id."""
     fields = frozenset(cloud.names)
     spoken = vendor_by_name(topic) or vendor_by_name(cloud.frame_id)
-    for name, vendor, needed in _BY_FIELDS:
+    for name, needed in _BY_FIELDS:
         if needed <= fields:
             if name == "xyzirt-absolute" and spoken in ("hesai", "robosense"):
-                return Layout(spoken, spoken)
-            return Layout(name, vendor or spoken)
+                return CloudLayout(spoken)
+            return CloudLayout(name)
     if fields <= {"x", "y", "z", "intensity", "ring"}:
         if spoken == "robosense":
-            return Layout("robosense-xyzi", spoken)
+            return CloudLayout("robosense-xyzi")
         if spoken == "ouster":
-            return Layout("ouster-xyzi", spoken)
+            return CloudLayout("ouster-xyzi")
     if "i" in fields and fields <= {"x", "y", "z", "i", "layer", "echo", "reflector", "ring"}:
-        return Layout("sick-default", "sick")
-    return Layout("generic", spoken)
+        return CloudLayout("sick-default")
+    return CloudLayout("generic")
 
 
 def vendor_by_name(text: str) -> str:

@@ -19,7 +19,7 @@ from typing import Literal, Self
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.archive import is_archive, unpacked_room
-from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.compression import pieces, zstd
 from calib_core.readers.container.one_recording import (
     STORAGE_SUFFIXES,
     is_hidden,
@@ -38,10 +38,8 @@ from calib_core.readers.container.storage import (
     TopicSummary,
     merged_topics,
 )
-from calib_core.readers.container.unpacked import unpacked
+from calib_core.readers.container.unpacked import unpacked_archive
 
-#: Bytes read, and unpacked, at once.
-_BLOCK = 1 << 20
 RecordingKind = Literal["ros1", "ros2"]
 _ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"
 
@@ -102,7 +100,7 @@ class OpenRecording:
     def _open_all(self) -> list[Storage]:
         path = self.path
         if is_archive(path):
-            path = self._stack.enter_context(unpacked(path))
+            path = self._stack.enter_context(unpacked_archive(path))
         self.files = storage_files(path)
         storages: list[Storage] = []
         for file in self.files:
@@ -145,7 +143,7 @@ def open_recording(path: Path) -> OpenRecording:
 
 def kind_of(path: Path) -> RecordingKind:
     """Whose messages the recording at `path` holds, by its files' names and an mcap's first words: no more of them is read."""
-    with _told_as_unreadable(path), unpacked(path) if is_archive(path) else nullcontext(path) as folder:
+    with _told_as_unreadable(path), unpacked_archive(path) if is_archive(path) else nullcontext(path) as folder:
         return _kind(storage_files(folder))
 
 
@@ -251,18 +249,16 @@ def decompressed_file(file: Path, folder: Path) -> Path:
     out = folder / file.stem
     room = unpacked_room(file, folder)
     with file.open("rb") as source, out.open("wb") as sink:
-        decompressor = zstd.ZstdDecompressor()
         try:
-            while not decompressor.eof:
-                block = source.read(_BLOCK) if decompressor.needs_input else b""
-                if not block and decompressor.needs_input:
-                    break
-                sink.write(decompressor.decompress(block, _BLOCK))
+            for piece in pieces(zstd.ZstdDecompressor, source.read):
+                sink.write(piece)
                 if sink.tell() > room:
                     raise UnreadableRecording(
                         f"The file {file.name} unpacks to more than {room / 1e9:.2f} GB, more than there is room for or "
                         "than a recording does; unpack it by hand."
                     )
+        except EOFError:
+            pass  # the storage's reader says what is missing
         except zstd.ZstdError as error:
             if sink.tell() == 0:
                 raise UnreadableRecording(f"The file {file.name} is not valid zstd; copy it again.") from error

@@ -24,8 +24,8 @@ from calib_core.readers.container.storage import (
     TopicSummary,
     foreign_to_ros,
     merged_topics,
+    message_itself,
     normalised_type,
-    unpacked,
 )
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -38,7 +38,7 @@ _HEAD_BYTES = 64
 
 @dataclass(frozen=True, slots=True)
 class _Span:
-    """A chunk, or one message outside of any chunk (`compression` None)."""
+    """A chunk, or one message outside of any chunk.   is_cut: the file ends inside it."""
 
     pos: int
     size: int
@@ -68,9 +68,9 @@ def _chunk_records(content: bytes, *, cut: bool = False) -> bytes:
     if size > MAX_CHUNK_BYTES or (len(stored) != stored_size and not cut):
         raise ValueError("chunk size")
     if compression == "zstd":
-        records = unpack_first(zstd.ZstdDecompressor(), stored, size + 1)
+        records = unpack_first(zstd.ZstdDecompressor, stored, size + 1)
     elif compression == "lz4":
-        records = unpack_first(lz4.frame.LZ4FrameDecompressor(), stored, size + 1)
+        records = unpack_first(lz4.frame.LZ4FrameDecompressor, stored, size + 1)
     elif compression == "":
         records = stored
     else:
@@ -202,7 +202,7 @@ class McapRecovery:
             if op == _MESSAGE:
                 channel, _, log_ns = struct.unpack_from("<HIQ", record)
                 if channel in wanted:
-                    found.append(RawMessage(wanted[channel], log_ns, unpacked(record[22:])))
+                    found.append(RawMessage(wanted[channel], log_ns, message_itself(record[22:])))
         return sorted(found, key=lambda message: message.receive_ns)
 
     def messages(self, topics: Collection[str], start_ns: int | None, stop_ns: int | None) -> Iterator[RawMessage]:

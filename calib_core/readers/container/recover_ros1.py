@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import bz2
 import heapq
-import io
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from typing import BinaryIO
 
 import lz4.frame
 
+from calib_core.readers.container.compression import unpack_first
 from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.storage import (
     Damage,
@@ -34,9 +34,6 @@ MAX_CHUNK_BYTES = LIMITS.chunk_bytes
 MAX_HEADER_BYTES = 1 << 20
 _CHUNK_MARK = b"\x04\x00\x00\x00op=\x05"
 _SEARCH_BLOCK = 1 << 20
-#: Compressed bytes given to a decompressor at once, and unpacked bytes asked of it at once.
-_PIECE = 1 << 16
-_UNPACKED_PIECE = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,20 +107,8 @@ def _decompressed(compression: bytes, stored: bytes) -> bytes:
     """The chunk's records; of a cut or damaged chunk the part before the damage."""
     if compression == b"none":
         return stored
-    unpacked = io.BytesIO()
-    decompressor = bz2.BZ2Decompressor() if compression == b"bz2" else lz4.frame.LZ4FrameDecompressor()
-    pieces = (stored[start : start + _PIECE] for start in range(0, len(stored), _PIECE))
-    try:
-        while not decompressor.eof and unpacked.tell() <= MAX_CHUNK_BYTES:
-            # A decompressor that has more to give is asked for it before it gets more.
-            given = next(pieces, b"") if decompressor.needs_input else b""
-            part = decompressor.decompress(given, max_length=_UNPACKED_PIECE)
-            unpacked.write(part)
-            if not given and not part and decompressor.needs_input:
-                break
-    except (OSError, RuntimeError, EOFError):
-        pass
-    return unpacked.getvalue()
+    make = bz2.BZ2Decompressor if compression == b"bz2" else lz4.frame.LZ4FrameDecompressor
+    return unpack_first(make, stored, MAX_CHUNK_BYTES, damage=(OSError, RuntimeError, EOFError))
 
 
 class Ros1Recovery:

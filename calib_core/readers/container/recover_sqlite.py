@@ -13,8 +13,8 @@ from calib_core.readers.container.storage import (
     StorageError,
     TopicSummary,
     merged_topics,
+    message_itself,
     normalised_type,
-    unpacked,
 )
 
 
@@ -64,7 +64,7 @@ class SqliteRecovery:
             for topic_id, time_ns, payload in self._database.execute(query):
                 last_ns = int(time_ns)
                 if topic_id in wanted and low <= time_ns < high:
-                    yield RawMessage(wanted[topic_id], int(time_ns), unpacked(bytes(payload)))
+                    yield RawMessage(wanted[topic_id], int(time_ns), message_itself(bytes(payload)))
         except (sqlite3.Error, TypeError, ValueError) as error:
             # On opening, stamps alone were read: what pages of points lack shows here.
             if not self.damages:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
-from calib_core.readers.container.compression import zstd
+from calib_core.readers.container.compression import unpack_first, zstd
 from calib_core.readers.container.limits import LIMITS
 from calib_core.readers.container.wire import Encoding
 
@@ -93,15 +93,15 @@ def normalised_type(name: str) -> str:
     return f"{parts[0]}/msg/{parts[1]}" if len(parts) == 2 else name
 
 
-def unpacked(payload: bytes) -> bytes:
-    """The message itself where the recorder compressed messages one by one (CDR never starts with zstd's magic).
+def message_itself(payload: bytes) -> bytes:
+    """The message, unpacked where the recorder compressed messages one by one (CDR never starts with zstd's magic).
 
     A damaged one is given on as it is: it costs itself alone, counted by its decoder as no message of its type.
     """
     if payload[:4] != ZSTD_MAGIC:
         return payload
     try:
-        return zstd.ZstdDecompressor().decompress(payload, LIMITS.message_bytes)
+        return unpack_first(zstd.ZstdDecompressor, payload, LIMITS.message_bytes)
     except zstd.ZstdError:
         return payload
 
@@ -130,7 +130,7 @@ class RosbagsStorage:
         last_ns = None if start_ns is None else start_ns - 1
         try:
             for connection, receive_ns, payload in self._reader.messages(connections, start_ns, stop_ns):
-                message = RawMessage(connection.topic, receive_ns, unpacked(payload))
+                message = RawMessage(connection.topic, receive_ns, message_itself(payload))
                 last_ns = receive_ns
                 yield message
             return

@@ -46,7 +46,7 @@ def kept_unpacked() -> Iterator[None]:
 
 
 @contextmanager
-def unpacked(archive: Path) -> Iterator[Path]:
+def unpacked_archive(archive: Path) -> Iterator[Path]:
     """A folder with the archive's storage files, there as long as the context lasts."""
     folder = _SHARED.get()
     if folder is None:

@@ -65,9 +65,6 @@ class Wire:
     def u8(self) -> int:
         return int(self.unpack("B", 1))
 
-    def u16(self) -> int:
-        return int(self.unpack("H", 2))
-
     def u32(self) -> int:
         return int(self.unpack("I", 4))
 

@@ -18,9 +18,10 @@ from calib_core.readers.imu.repeats import as_sensed
 from calib_core.readers.imu.spikes import spikes
 from calib_core.readers.imu.stuck import stuck_axis
 from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detect_accelerometer_unit, detect_gyroscope
+from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
-from calib_core.types import BoolArray, Evidence, Finding, FloatArray, ImuData, IntArray
+from calib_core.types import BoolArray, Clue, Finding, FloatArray, ImuData, IntArray
 
 #: No gyroscope shows this in deg/s, no accelerometer in m/s2: damaged bytes do. NaN fails the comparison as well.
 _IMPOSSIBLE_READING = 1e5
@@ -51,9 +52,14 @@ class StampStatistics:
 
 @dataclass(frozen=True, slots=True)
 class CleanedImu:
-    """Readings in SI units, the units they were sent in, and what was found."""
+    """Readings in SI units, the units they were sent in, and what was found.
+
+    headers: of all readings that are no damaged bytes and bear no damaged stamp, as they came: what is asked of a clock is asked
+    of these.
+    """
 
     imu: ImuData
+    headers: HeaderTimes
     accelerometer_unit: AccelerometerUnit
     gyroscope_unit: GyroscopeUnit
     findings: tuple[Finding, ...]
@@ -82,8 +88,11 @@ def stamp_statistics(stamps_ns: IntArray, receive_ns: IntArray, *, taken_ns: Int
     )
 
 
-def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
-    """The readings in SI units, and what was found. Raises InputError where nothing usable is left."""
+def clean_imu(raw: RawImu, settings: ReadSettings, topic: str, *, start_ns: int | None = None) -> CleanedImu:
+    """The readings in SI units, and what was found. Raises InputError where nothing usable is left.
+
+    start_ns: the recording's start, receive time, from which what is told counts; None: the first reading's.
+    """
     require_both_sensors(raw.gyro, raw.accel, topic)
     stamps_ns = raw.receive_ns if settings.stamps == "receive" else raw.header_ns
     good = (
@@ -131,11 +140,13 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str) -> CleanedImu:
     if leapt.any():
         findings.append(_spikes_finding(leapt, gyro, accel, topic))
         taken_ns, gyro, accel = taken_ns[~leapt], gyro[~leapt], accel[~leapt]
-    stuck = stuck_axis(taken_ns, gyro, accel, topic)
+    headers = HeaderTimes(raw.header_ns[good], raw.receive_ns[good])
+    begin_ns = int(taken_ns[0]) if start_ns is None else start_ns - int(np.median(headers.receive_ns - stamps_ns))
+    stuck = stuck_axis(taken_ns, gyro, accel, topic, begin_ns=begin_ns)
     if stuck is not None:
         findings.append(stuck)
     data = ImuData(taken_ns, gyro, accel, topic, raw.frame_id, 0 if bundles is None else bundles.tick_ns)
-    return CleanedImu(data, accel_unit, gyro_unit, tuple(findings))
+    return CleanedImu(data, headers, accel_unit, gyro_unit, tuple(findings))
 
 
 def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:
@@ -143,7 +154,7 @@ def _bad_readings(n_bad: int, total: int, topic: str) -> Finding:
         code="imu.bad_readings",
         level="warning",
         text=f"{n_bad} of {total} readings on {topic} are not finite, impossible or malformed and were left out.",
-        evidence=(Evidence("bad readings", n_bad), Evidence("readings", total)),
+        evidence=(Clue("bad readings", n_bad), Clue("readings", total)),
         consequence="the motion between their neighbours is interpolated",
     )
 
@@ -156,10 +167,10 @@ def _spikes_finding(leapt: BoolArray, gyro: FloatArray, accel: FloatArray, topic
         f"{n_leapt} of {len(leapt)} readings on {topic} leap away from their neighbours for a single reading, as damaged ones"
         " do; they were left out.",
         (
-            Evidence("spikes", n_leapt),
-            Evidence("readings", len(leapt)),
-            Evidence("fastest of them", round(float(np.abs(gyro[leapt]).max()), 3), "rad/s"),
-            Evidence("strongest of them", round(float(np.abs(accel[leapt]).max()), 2), "m/s²"),
+            Clue("spikes", n_leapt),
+            Clue("readings", len(leapt)),
+            Clue("fastest of them", round(float(np.abs(gyro[leapt]).max()), 3), "rad/s"),
+            Clue("strongest of them", round(float(np.abs(accel[leapt]).max()), 2), "m/s²"),
         ),
         consequence="the motion between their neighbours is interpolated; look for what damages them",
     )
@@ -174,9 +185,9 @@ def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
             f"Stamps on {topic} are multiples of {1e-6 * bundles.tick_ns:.4g} ms, the time in which {bundles.size:.2g} readings"
             f" come (at most {bundles.largest}): those of a tick are taken as sampled every {1e3 * period_s:.4g} ms from it on.",
             (
-                Evidence("readings a tick", round(bundles.size, 2)),
-                Evidence("tick", bundles.tick_ns * 1e-9, "s"),
-                Evidence("period", round(period_s, 9), "s"),
+                Clue("readings a tick", round(bundles.size, 2)),
+                Clue("tick", bundles.tick_ns * 1e-9, "s"),
+                Clue("period", round(period_s, 9), "s"),
             ),
             consequence="the time offset is unsure by about half a tick; let the driver stamp to microseconds",
             override="--imu-bundles as-stamped",
@@ -188,10 +199,10 @@ def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
         f" that empties a buffer do: the newest of each keeps its stamp, the others are taken as sampled every"
         f" {1e3 * period_s:.4g} ms before it.",
         (
-            Evidence("readings a bundle", round(bundles.size, 2)),
-            Evidence("most in a bundle", bundles.largest),
-            Evidence("longest wait", round(bundles.waited_s, 6), "s"),
-            Evidence("period", round(period_s, 9), "s"),
+            Clue("readings a bundle", round(bundles.size, 2)),
+            Clue("most in a bundle", bundles.largest),
+            Clue("longest wait", round(bundles.waited_s, 6), "s"),
+            Clue("period", round(period_s, 9), "s"),
         ),
         consequence="the time offset is that of the newest reading of each bundle",
         override="--imu-bundles as-stamped",
@@ -206,9 +217,9 @@ def _repeats_finding(fresh: BoolArray, statistics: StampStatistics, topic: str) 
         f"{share:.0%} of the readings on {topic} repeat the turn rate of the one before, as those of a driver do that sends"
         f" faster than the sensor measures: the first of each is kept, {statistics.rate_hz:.4g} a second.",
         (
-            Evidence("repeats", int(np.count_nonzero(~fresh))),
-            Evidence("readings", len(fresh)),
-            Evidence("period", round(statistics.period_s, 9), "s"),
+            Clue("repeats", int(np.count_nonzero(~fresh))),
+            Clue("readings", len(fresh)),
+            Clue("period", round(statistics.period_s, 9), "s"),
         ),
         consequence="the time offset is that of the first reading of each; kept as they were sent, the repeats would add half"
         " of the time by which they lag",
@@ -226,7 +237,7 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
                 "warning",
                 f"{counted(n_repeated, 'reading')} on {topic} {'was' if n_repeated == 1 else 'were'} sent twice; "
                 "the first of each was kept.",
-                (Evidence("duplicates", n_repeated), Evidence("readings", statistics.count)),
+                (Clue("duplicates", n_repeated), Clue("readings", statistics.count)),
             )
         )
     shared = statistics.n_duplicates - n_repeated
@@ -237,7 +248,7 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
                 "info",
                 f"{counted(shared, 'reading')} on {topic} {'bears' if shared == 1 else 'bear'} the stamp of another that "
                 "reads differently; all were kept.",
-                (Evidence("shared stamps", shared), Evidence("readings", statistics.count)),
+                (Clue("shared stamps", shared), Clue("readings", statistics.count)),
             )
         )
     backwards = f"Stamps on {topic} step backwards {counted(statistics.n_rewinds, 'time')}"
@@ -249,9 +260,9 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
                 f"{backwards}: readings keep the order in which they came, in which the motion is smoother, and each has the"
                 " stamp of its place.",
                 (
-                    Evidence("backward steps", statistics.n_rewinds),
-                    Evidence("readings with another's stamp", came.moved),
-                    Evidence("times as rough by stamp", round(came.rougher, 2)),
+                    Clue("backward steps", statistics.n_rewinds),
+                    Clue("readings with another's stamp", came.moved),
+                    Clue("times as rough by stamp", round(came.rougher, 2)),
                 ),
             )
         )
@@ -261,7 +272,7 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
                 "imu.out_of_order",
                 "warning",
                 f"{backwards}; readings were sorted by stamp.",
-                (Evidence("backward steps", statistics.n_rewinds),),
+                (Clue("backward steps", statistics.n_rewinds),),
             )
         )
     if statistics.n_gaps:
@@ -271,7 +282,7 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
                 "warning",
                 f"{topic} has {statistics.n_gaps} gaps, the longest {statistics.longest_gap_s:.3f} s,"
                 f" where a reading comes every {period_ms:.2f} ms.",
-                (Evidence("gaps", statistics.n_gaps), Evidence("longest", statistics.longest_gap_s, "s")),
+                (Clue("gaps", statistics.n_gaps), Clue("longest", statistics.longest_gap_s, "s")),
                 consequence="scans are not used where readings are lost for 60 ms or for six; a late stamp only looks so",
             )
         )
@@ -289,8 +300,8 @@ def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
                 f"Stamps on {topic} jitter: one follows another after {period_ms:.2f} ± {statistics.jitter_s * 1e3:.2f} ms,"
                 " as those of an IMU stamped by the host do.",
                 (
-                    Evidence("spread of the steps", statistics.jitter_s, "s"),
-                    Evidence("period", statistics.period_s, "s"),
+                    Clue("spread of the steps", statistics.jitter_s, "s"),
+                    Clue("period", statistics.period_s, "s"),
                 ),
                 consequence="readings that were sampled evenly are put on an even row; the mean of it is part of the time offset",
             )
@@ -301,7 +312,7 @@ def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
                 "imu.bundled",
                 "info",
                 f"Readings on {topic} arrive in bundles ({statistics.bundled_share:.0%} together with the one before).",
-                (Evidence("bundled share", round(statistics.bundled_share, 3)),),
+                (Clue("bundled share", round(statistics.bundled_share, 3)),),
                 consequence="receive times of this topic say little; headers are used",
             )
         )
@@ -311,7 +322,7 @@ def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
                 "imu.rate",
                 "warning",
                 f"{topic} runs at {statistics.rate_hz:.1f} Hz; 100 Hz or more is advised.",
-                (Evidence("rate", round(statistics.rate_hz, 2), "Hz"),),
+                (Clue("rate", round(statistics.rate_hz, 2), "Hz"),),
                 consequence="fast motion between readings is interpolated",
             )
         )

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calib_core.counts import joined
-from calib_core.types import BoolArray, Evidence, Finding, FloatArray, IntArray
+from calib_core.types import BoolArray, Clue, Finding, FloatArray, IntArray
 
 #: judged: for so long, and with so large a share of the readings of other axes meanwhile, and of its own otherwise, each another
 #: than the one before. Readings come in steps, and a fine one is seldom read twice; held ones hold all axes.
@@ -31,8 +31,13 @@ class _Stay(NamedTuple):
     last: int
 
 
-def stuck_axis(stamps_ns: IntArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, topic: str) -> Finding | None:
-    """What is stuck for longest, and when; None where nothing is. stamps_ns: (Q,).   gyro_rad_s, accel_m_s2: (Q, 3)."""
+def stuck_axis(
+    stamps_ns: IntArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArray, topic: str, *, begin_ns: int
+) -> Finding | None:
+    """What is stuck for longest, and when; None where nothing is.
+
+    stamps_ns: (Q,).   gyro_rad_s, accel_m_s2: (Q, 3).   begin_ns: the recording's start, on the clock of the stamps.
+    """
     values = np.hstack([gyro_rad_s, accel_m_s2])
     changes = np.diff(values, axis=0) != 0.0
     stays = [_Stay(k // 3, k % 3, *_longest_stay(changes[:, k])) for k in range(6)]
@@ -41,15 +46,15 @@ def stuck_axis(stamps_ns: IntArray, gyro_rad_s: FloatArray, accel_m_s2: FloatArr
         return None
     longest = max(stuck, key=lambda stay: int(stamps_ns[stay.last] - stamps_ns[stay.first]))
     axes = [s.axis for s in stuck if (s.sensor, s.first, s.last) == (longest.sensor, longest.first, longest.last)]
-    since_s = 1e-9 * float(stamps_ns[longest.first] - stamps_ns[0])
+    since_s = 1e-9 * float(stamps_ns[longest.first] - begin_ns)
     stays_s = 1e-9 * float(stamps_ns[longest.last] - stamps_ns[longest.first])
     return Finding(
         code="imu.stuck",
         level="warning",
         text=_told(longest, axes, values[longest.first], topic)
-        + f" and nothing else for {stays_s:.1f} s, from {since_s:.1f} s on, while other axes go on:"
+        + f" and nothing else for {stays_s:.1f} s, from {since_s:z.1f} s on, while other axes go on:"
         + (" it is stuck, or not measured." if len(axes) == 1 else " they are stuck, or not measured."),
-        evidence=(Evidence("unchanged for", round(stays_s, 3), "s"),),
+        evidence=(Clue("unchanged for", round(stays_s, 3), "s"),),
         consequence="what the IMU says is not how it moved: a calibration from these readings would be wrong",
     )
 

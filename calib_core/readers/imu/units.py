@@ -20,7 +20,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.readers.imu.rotation import rotation_matrices
 from calib_core.settings import ReadSettings
-from calib_core.types import ARE_IN_G, Evidence, Finding, FloatArray, IntArray
+from calib_core.types import ARE_IN_G, Clue, Finding, FloatArray, IntArray
 
 AccelerometerUnit = Literal["m_s2", "g"]
 GyroscopeUnit = Literal["rad_s", "deg_s"]
@@ -122,8 +122,8 @@ def detect_accelerometer_unit(
         level=level,
         text=text,
         evidence=(
-            Evidence("median norm when quietest", round(norm, 2), name),
-            Evidence("readings examined", int(quiet.size)),
+            Clue("median norm when quietest", round(norm, 2), name),
+            Clue("readings examined", int(quiet.size)),
         ),
         confidence=1.0 if settings.accelerometer_unit else round(confidence, 3),
         consequence="readings are multiplied by 9.80665" if unit == "g" else "readings are used as they are",
@@ -182,10 +182,10 @@ def detect_gyroscope(
         text=f"Angular rates on {topic} are in {name}"
         + ("." if informative else f" ({_unheard(still)}, so only plausibility speaks)."),
         evidence=(
-            Evidence("misfit of gravity's turning, rad/s", _rounded(radians), "rad"),
-            Evidence("misfit of gravity's turning, deg/s", _rounded(degrees), "rad"),
-            Evidence("gravity's turning itself", _rounded(still), "rad"),
-            Evidence("95 % of rates below", round(sustained, 4), name),
+            Clue("misfit of gravity's turning, rad/s", _rounded(radians), "rad"),
+            Clue("misfit of gravity's turning, deg/s", _rounded(degrees), "rad"),
+            Clue("gravity's turning itself", _rounded(still), "rad"),
+            Clue("95 % of rates below", round(sustained, 4), name),
         ),
         confidence=1.0 if settings.gyroscope_unit else round(confidence, 3),
         consequence="readings are multiplied by pi/180" if unit == "deg_s" else "readings are used as they are",
@@ -296,8 +296,8 @@ def _mirrored_axes(windows: _Windows, scale: float, still: float, topic: str) ->
         level="warning",
         text=text,
         evidence=(
-            Evidence("misfit as sent", _rounded(misfits[0]), "rad"),
-            Evidence(f"misfit with {axes} flipped", _rounded(misfits[best]), "rad"),
+            Clue("misfit as sent", _rounded(misfits[0]), "rad"),
+            Clue(f"misfit with {axes} flipped", _rounded(misfits[best]), "rad"),
         ),
         confidence=round(1.0 - misfits[best] / max(misfits[0], 1e-30), 3),
         consequence="a calibration from these readings would be wrong; correct the driver's axes",

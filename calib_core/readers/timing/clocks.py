@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib_core.types import Evidence, Finding, IntArray
+from calib_core.types import Clue, Finding, IntArray
 
 
 class HeaderTimes(NamedTuple):
@@ -64,9 +64,9 @@ def coarse_clock_offset(
         text=f"Lidar and IMU headers count from different instants, {offset_ns / NS_PER_S:.3f} s apart;"
         " they are brought together through the receive times.",
         evidence=(
-            Evidence("receive minus lidar header", lidar_lag_ns * 1e-9, "s"),
-            Evidence("receive minus IMU header", imu_lag_ns * 1e-9, "s"),
-            Evidence("coarse offset", offset_ns, "ns"),
+            Clue("receive minus lidar header", lidar_lag_ns * 1e-9, "s"),
+            Clue("receive minus IMU header", imu_lag_ns * 1e-9, "s"),
+            Clue("coarse offset", offset_ns, "ns"),
         ),
         confidence=0.9,
         consequence="the time offset of the result holds for these two clocks in this recording only",
@@ -102,7 +102,7 @@ def stamp_end_suspicion(
         level="warning",
         text=f"Scans on {topic} arrive {after}, by the clock of the IMU's stamps, although their last point is"
         f" {last_point_s * 1e3:.0f} ms after it: the stamp is probably the sweep's end.",
-        evidence=(Evidence("arrival after header", lag_s, "s"), Evidence("last point after header", last_point_s, "s")),
+        evidence=(Clue("arrival after header", lag_s, "s"), Clue("last point after header", last_point_s, "s")),
         confidence=0.7,
         consequence="a time offset of about one scan period is to be expected",
         override="--point-time-reference header-last",

@@ -22,7 +22,7 @@ from calib_core.readers.timing.point_window import reference_shift, sweep_edges
 from calib_core.readers.timing.split_time import is_split, joined_ns, parts, split_times
 from calib_core.settings import ReadSettings
 from calib_core.threads import workers
-from calib_core.types import Evidence, Finding, FloatArray, IntArray
+from calib_core.types import Clue, Finding, FloatArray, IntArray
 
 Unit = Literal["s", "ms", "us", "ns"]
 Reference = Literal["header-first", "header-last", "absolute"]
@@ -265,14 +265,14 @@ def _timing(
     if len(clouds) < 49:
         confidence = min(confidence, 0.5 + len(clouds) / 100)
     evidence = (
-        Evidence("scans examined", len(clouds)),
-        Evidence("robust span over scan period", round(best.ratio, 3)),
-        Evidence("change per scan over scan period", round(best.drift, 3)),
-        Evidence("share of forward steps", round(best.sample.order, 3)),
-        Evidence("score", round(best.score, 3)),
-        Evidence("next best score", round(runner_up, 3)),
-        Evidence("first point after header", round(begin_ns * 1e-9, 6), "s"),
-        Evidence("last point after header", round(end_ns * 1e-9, 6), "s"),
+        Clue("scans examined", len(clouds)),
+        Clue("robust span over scan period", round(best.ratio, 3)),
+        Clue("change per scan over scan period", round(best.drift, 3)),
+        Clue("share of forward steps", round(best.sample.order, 3)),
+        Clue("score", round(best.score, 3)),
+        Clue("next best score", round(runner_up, 3)),
+        Clue("first point after header", round(begin_ns * 1e-9, 6), "s"),
+        Clue("last point after header", round(end_ns * 1e-9, 6), "s"),
     )
     amid = reference != "absolute" and min(-begin_ns, end_ns) > _AMID * period_s * 1e9
     counted = "counted from the header, which is amid the sweep" if amid else _REFERENCE_TEXT[reference]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.readers.clouds.cloud import RawCloud
-from calib_core.types import Evidence, Finding, FloatArray, IntArray
+from calib_core.types import Clue, Finding, FloatArray, IntArray
 
 #: Headers and point times further apart than this count from different instants.
 _SAME_EPOCH_S = 10.0
@@ -161,8 +161,8 @@ def _epoch_finding(edges: SweepEdges) -> Finding:
         level="warning",
         text=f"Point times and headers count from different instants, {apart_s:.3f} s apart.",
         evidence=(
-            Evidence("header minus first point", apart_s, "s"),
-            Evidence("its spread", float(np.ptp(apart_ns)) / NS_PER_S, "s"),
+            Clue("header minus first point", apart_s, "s"),
+            Clue("its spread", float(np.ptp(apart_ns)) / NS_PER_S, "s"),
         ),
         confidence=1.0,
         consequence="point times are moved into the headers' epoch by one constant, so that a jittering"

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
-from calib_core.types import Evidence, Finding, IntArray
+from calib_core.types import Clue, Finding, IntArray
 
 #: Drivers' stalls are as long, and the messages behind them soon catch up: a jump of so much has to stay for some messages,
 LEAST_NS = 50_000_000
@@ -121,10 +121,10 @@ def reset_finding(found: Sequence[Reset], used: Sequence[tuple[int, int]], begin
         f" {(first.at_ns - begin_ns) / NS_PER_S:.1f} s after the start{often} as when a clock is set or a playback begins anew:"
         f" only what was received from {since_s:.1f} s to {until_s:.1f} s is used.",
         evidence=(
-            Evidence("jump", first.by_ns / NS_PER_S, "s"),
-            Evidence("at", (first.at_ns - begin_ns) / NS_PER_S, "s"),
-            Evidence("used from", since_s, "s"),
-            Evidence("used until", until_s, "s"),
+            Clue("jump", first.by_ns / NS_PER_S, "s"),
+            Clue("at", (first.at_ns - begin_ns) / NS_PER_S, "s"),
+            Clue("used from", since_s, "s"),
+            Clue("used until", until_s, "s"),
         ),
         consequence="the rest of the recording is left out",
         override=f"--start-s {other_since_s:.1f} --end-s {other_until_s:.1f}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.types import BoolArray, Evidence, Finding, IntArray
+from calib_core.types import BoolArray, Clue, Finding, IntArray
 
 #: A header this far from its topic's usual distance to the receive time is a damaged number.
 MAX_DEVIATION_NS = 60_000_000_000
@@ -48,7 +48,7 @@ def unset_finding(topic: str) -> Finding:
         code="clock.unset",
         level="warning",
         text=f"The headers on {topic} all carry one stamp: nobody set them, and the receive times take their place.",
-        evidence=(Evidence("different stamps", "a tenth of the messages or fewer"),),
+        evidence=(Clue("different stamps", "a tenth of the messages or fewer"),),
         confidence=1.0,
         consequence="the time offset includes the recorder's latency, and its jitter limits the result; let the driver"
         " set the stamps",

@@ -22,7 +22,7 @@ from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.timing.point_time import PointTiming, detect_point_time, scan_period_s
 from calib_core.readers.timing.stamps import never_set, unset_finding
 from calib_core.settings import ReadSettings
-from calib_core.types import Evidence, Finding, FloatArray
+from calib_core.types import Clue, Finding, FloatArray
 
 #: A sweep that covers this much of the circle is a spinning lidar's.
 _SPINNING_RAD = np.deg2rad(300.0)
@@ -184,10 +184,10 @@ class SynthesisingDecoder:
         return replace(cloud, points=points)
 
 
-def _start_evidence(synthesis: Synthesis) -> Evidence:
+def _start_evidence(synthesis: Synthesis) -> Clue:
     if synthesis.start_rad is None:
-        return Evidence("turned in a scan", round(float(np.rad2deg(synthesis.turned_rad)), 2), "deg")
-    return Evidence("start azimuth", round(float(np.rad2deg(synthesis.start_rad)), 2), "deg")
+        return Clue("turned in a scan", round(float(np.rad2deg(synthesis.turned_rad)), 2), "deg")
+    return Clue("start azimuth", round(float(np.rad2deg(synthesis.start_rad)), 2), "deg")
 
 
 def _at_once(
@@ -235,8 +235,8 @@ def point_timing(
         text=f"The clouds on {topic} carry no per-point time; times were made up {how}, over"
         f" {synthesis.period_s * 1e3:.1f} ms.",
         evidence=(
-            Evidence("scan period", synthesis.period_s, "s"),
-            Evidence("direction", synthesis.direction),
+            Clue("scan period", synthesis.period_s, "s"),
+            Clue("direction", synthesis.direction),
             _start_evidence(synthesis),
         ),
         confidence=0.3,

@@ -65,6 +65,36 @@ def test_an_inspection_says_what_a_calibration_would(tmp_path: Path, change: Cha
     assert not [reason for reason in report.reasons if "in order" in reason]
 
 
+@pytest.mark.parametrize("at", [0, 30, 59])
+def test_a_damaged_stamp_of_a_scan_is_said_and_asked_no_more(tmp_path: Path, at: int) -> None:
+    """Oracle: the report of the recording without that scan.
+
+    Seen: one scan stamped an hour ahead made a gap of an hour, 35994 lost messages and, at the end, a clock that was set; and
+    nothing was said of it. Mutations: left out for the forecast alone; not said.
+    """
+    scans, imu = build.velodyne_messages(60, cdr=True), build.still_imu(6.0, cdr=True)
+    topic, kind, received_ns, _ = scans[at]
+    stamp_ns = build.EPOCH_NS + (3600 * SECOND_NS) + at * 100_000_000
+    body = build.pointcloud2(
+        build.velodyne_points(build.sweep(seed=at)), cdr=True, stamp_ns=stamp_ns, frame_id="velodyne"
+    )
+    spoilt = [*scans[:at], (topic, kind, received_ns, body), *scans[at + 1 :]]
+    bags = [
+        build.write_ros2(tmp_path / name, build.in_order(sent, imu))
+        for name, sent in (("spoilt", spoilt), ("without", [*scans[:at], *scans[at + 1 :]]))
+    ]
+    report, without = (inspect(bag, ReadSettings()) for bag in bags)
+    assert report.lidar is not None
+    assert without.lidar is not None
+    assert report.lidar.stamps == without.lidar.stamps
+    assert report.lidar.scans == without.lidar.scans == 59
+    told, known = ({f.code: f.text for f in each.findings} for each in (report, without))
+    assert set(told) - set(known) == {"points.malformed"}
+    assert (
+        told["points.malformed"] == {f.code: f.text for f in load(bags[0], ReadSettings()).findings}["points.malformed"]
+    )
+
+
 def test_scans_that_are_looked_at_are_in_order_and_once() -> None:
     """With the number of their points. Mutations: the last of one stamp; the points left where they were."""
     sampled = SampledScans(10, 0.1)

@@ -13,7 +13,7 @@ from app.planes.state import PlaneHistory, suggested
 from app.planes.upright import named, room_of
 from app.planes.wire import wire_planes
 from calib_core import api
-from calib_core.doctor.examination import Examination, choose, detect, keep_plausible, read
+from calib_core.doctor.examination import Examination, choose, detect, read
 from calib_core.doctor.whole_scans import WholeScans
 from calib_core.events import ignore_event, never_cancel
 from calib_core.readers.clouds.cloud import RawCloud
@@ -52,7 +52,6 @@ def reread(bag: Path, looked: int | None = None) -> list[Scan]:
         choose(state, recording, settings)
         detect(state, recording, settings, (None, None))
         read(state, recording, settings, (None, None), ignore_event, never_cancel)
-        keep_plausible(state)
         assert state.sampled is not None
         if looked is not None:
             state.sampled.drop(np.array([scan.index for scan in state.sampled.scans[looked:]]))

@@ -16,6 +16,8 @@ from calib_core.doctor.stamps import stamp_report
 from calib_core.events import LogEvent
 from calib_core.full.prepare.prepare import prepare
 from calib_core.pace import rate_hz
+from calib_core.readers.imu.readings import CleanedImu
+from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.settings import CalibrateSettings
 from calib_core.types import ImuData, Recording
 from tests.core.readers import build
@@ -117,9 +119,8 @@ def test_jitter_and_noise_are_those_of_a_solve(pair: tuple[Path, Path]) -> None:
         imu, stamps_ns=imu.stamps_ns[moving], gyro_rad_s=imu.gyro_rad_s[moving], accel_m_s2=imu.accel_m_s2[moving]
     )
     for one in (imu, cut):
-        report = imu_report(
-            one, header_ns=one.stamps_ns, receive_ns=one.stamps_ns, recording_start_ns=0, units=("m_s2", "rad_s")
-        )
+        headers = HeaderTimes(one.stamps_ns, one.stamps_ns)
+        report = imu_report(CleanedImu(one, headers, "m_s2", "rad_s", ()), recording_start_ns=0)
         jitter_ms, gyro, accel = solves(replace(recording, imu=one))
         assert 1e3 * report.stamps.jitter_s == pytest.approx(jitter_ms, abs=0.005)
         assert report.measured_noise is not None

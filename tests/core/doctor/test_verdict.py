@@ -8,6 +8,8 @@ import pytest
 from calib_core.doctor.imu_report import imu_report
 from calib_core.doctor.report import Forecast, ImuReport, ParameterForecast, PlaneReport, PlanesReport
 from calib_core.doctor.verdict import Opinion, judge
+from calib_core.readers.imu.readings import CleanedImu
+from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.types import Finding, FloatArray
 from tests.core.doctor.test_doctor import data
 from tests.core.readers.test_imu import tilting
@@ -19,13 +21,8 @@ ROOM = PlanesReport(planes=(WALL,) * 3, determinacy=1.0, determined=True, text="
 
 def report(gyro: FloatArray, accel: FloatArray) -> ImuReport:
     imu = data(gyro, accel)
-    return imu_report(
-        imu,
-        header_ns=imu.stamps_ns,
-        receive_ns=imu.stamps_ns + 500_000,
-        recording_start_ns=int(imu.stamps_ns[0]),
-        units=("m_s2", "rad_s"),
-    )
+    headers = HeaderTimes(imu.stamps_ns, imu.stamps_ns + 500_000)
+    return imu_report(CleanedImu(imu, headers, "m_s2", "rad_s", ()), recording_start_ns=int(imu.stamps_ns[0]))
 
 
 def opinion(

@@ -64,13 +64,13 @@ def backwards(scan: Scan) -> Scan:
     return replace(scan, points=points)
 
 
-def begun(recording: Recording, *, given: bool, at_fault: float = 0.0) -> tuple[Followed, list[str]]:
-    """Followed from the start, and the codes of what was said. given: three planes of the reference scan are a person's."""
-    said: list[str] = []
+def begun(recording: Recording, *, given: bool, at_fault: float = 0.0) -> tuple[Followed, dict[str, str]]:
+    """Followed from the start, and what was said, by its code. given: three planes of the reference scan are a person's."""
+    said: dict[str, str] = {}
 
     def listen(event: object) -> None:
         if isinstance(event, LogEvent):
-            said.append(event.code)
+            said[event.code] = event.text
 
     settings = CalibrateSettings()
     run = prepare(recording, settings, listen, never_cancel)

@@ -135,7 +135,10 @@ def test_what_honest_recorders_pack_is_within_the_limits(tmp_path: Path) -> None
 def test_a_chunk_is_unpacked_up_to_its_limit_and_no_further(
     pack: Callable[[bytes], bytes], unpack: Callable[[bytes, int], bytes]
 ) -> None:
-    """Oracle: the libraries' own one-shot functions. Mutation: checking the size after unpacking everything."""
+    """And as many frames as follow one another: joined files, and what compressors of several cores write.
+
+    Oracle: the libraries' own one-shot functions. Mutations: checking the size after unpacking everything; the first frame alone.
+    """
     honest = np.random.default_rng(1).integers(0, 16, 2 * MIB + 9, dtype=np.uint8).tobytes()
     packed = pack(honest)
     assert unpack(packed, len(honest)) == honest
@@ -145,10 +148,31 @@ def test_a_chunk_is_unpacked_up_to_its_limit_and_no_further(
         unpack(packed, 2**40)
     with pytest.raises((EOFError, RuntimeError, ValueError)):
         unpack(packed[:-20], len(honest))
+    joined = packed + pack(b"") + pack(b"more") + pack(b"still more")
+    assert unpack(joined, 3 * MIB) == honest + b"more" + b"still more"
+    with pytest.raises(OversizedChunk):
+        unpack(joined, len(honest) + 4)
     if unpack is not bounded_zstd:
         compression = b"bz2" if unpack is bounded_bz2 else b"lz4"
         assert _decompressed(compression, packed) == honest
+        assert _decompressed(compression, joined) == honest + b"more" + b"still more"
         assert honest.startswith(_decompressed(compression, packed[: len(packed) // 2]))
+
+
+@pytest.mark.parametrize("cut", [0, 9])
+def test_a_compressed_file_is_unpacked_frame_by_frame(cut: int, tmp_path: Path) -> None:
+    """Three frames that end where blocks of the file do not, whole and cut in the last one. Oracle: what was packed.
+
+    Seen: of a file made of two, and of what `pzstd` writes, the first frame was read and the rest was not missed. Mutation: that.
+    """
+    noise = np.random.default_rng(2).integers(0, 256, 3 * MIB + 7, dtype=np.uint8).tobytes()
+    parts = [noise[: MIB + 3], noise[MIB + 3 : 2 * MIB], noise[2 * MIB :]]
+    path = tmp_path / "room.mcap.zstd"
+    packed = b"".join(zstd.compress(part) for part in parts)
+    path.write_bytes(packed[: len(packed) - cut])
+    unpacked = decompressed_file(path, tmp_path).read_bytes()
+    assert noise.startswith(unpacked)
+    assert len(unpacked) == len(noise) if not cut else 2 * MIB < len(unpacked) < len(noise)
 
 
 def test_a_compressed_file_is_unpacked_within_the_ratio(tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ CONTAINERS: dict[str, Callable[[Path], Path]] = {
 
 @pytest.mark.parametrize("container", CONTAINERS)
 def test_every_container_gives_the_same_recording(container: str, tmp_path: Path) -> None:
-    """Mutation: return the payload as it is from `unpacked` ("sqlite-zstd-message")."""
+    """Mutation: return the payload as it is from `message_itself` ("sqlite-zstd-message")."""
     path = CONTAINERS[container](tmp_path)
     loaded = load(path, ReadSettings())
     assert len(loaded.scans) == N_SCANS

@@ -6,6 +6,8 @@ import os
 import re
 import resource
 import sqlite3
+import struct
+import zlib
 from contextlib import closing
 from pathlib import Path
 
@@ -14,6 +16,7 @@ import pytest
 
 from calib_core.errors import InputError, UnreadableRecording
 from calib_core.readers.container.opening import open_recording
+from calib_core.readers.container.recover_mcap import McapRecovery
 from calib_core.readers.container.recover_sqlite import SqliteRecovery
 from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
@@ -94,7 +97,7 @@ def test_unindexed_bag_is_read_whole(name: str, bags: dict[str, Path], tmp_path:
 
 @pytest.mark.parametrize("name", ["lz4.bag", "zstd.mcap"])
 def test_a_damaged_chunk_in_the_middle_costs_that_chunk(name: str, bags: dict[str, Path], tmp_path: Path) -> None:
-    """Mutation: do not fall back to recovery after damage met half-way; believe a chunk whose checksum fails."""
+    """Mutation: do not fall back to recovery after damage met half-way."""
     whole = bytearray(bags[name].read_bytes())
     middle = len(whole) // 2
     if name == "zstd.mcap":  # rosbags' writer leaves the checksum out: hit the frame's own head
@@ -111,8 +114,49 @@ def test_a_damaged_chunk_in_the_middle_costs_that_chunk(name: str, bags: dict[st
         assert got.scans[-1].stamp_ns - got.scans[0].stamp_ns > 5.5e9
 
 
+def _record(op: int, content: bytes) -> bytes:
+    return struct.pack("<BQ", op, len(content)) + content
+
+
+def _text(value: bytes) -> bytes:
+    return struct.pack("<I", len(value)) + value
+
+
+def _chunk(payloads: dict[int, bytes], *, told: bool) -> bytes:
+    """One of an mcap, by the format's own description. payloads: by log time.   told: whether it has a checksum, else 0."""
+    inside = b"".join(_record(5, struct.pack("<HIQQ", 1, 0, at, at) + payload) for at, payload in payloads.items())
+    checksum = zlib.crc32(inside) if told else 0
+    head = struct.pack("<QQQI", min(payloads), max(payloads), len(inside), checksum)
+    return _record(6, head + _text(b"") + struct.pack("<Q", len(inside)) + inside)
+
+
+@pytest.mark.parametrize(("told", "left"), [(True, [3, 4]), (False, [1, 2, 3, 4])])
+def test_a_chunk_whose_checksum_fails_is_not_believed(told: bool, left: list[int], tmp_path: Path) -> None:
+    """Two chunks of two messages each, and a byte of the first message is another; where no checksum is told, nobody knows.
+
+    Mutations: the checksum not compared; compared where there is none.
+    """
+    schema = _record(3, struct.pack("<H", 1) + _text(b"sensor_msgs/msg/Imu") + _text(b"ros2msg") + _text(b""))
+    channel = _record(4, struct.pack("<HH", 1, 1) + _text(b"/imu") + _text(b"cdr") + struct.pack("<I", 0))
+    chunks = [_chunk({1: b"first", 2: b"second"}, told=told), _chunk({3: b"third", 4: b"fourth"}, told=told)]
+    whole = (
+        b"\x89MCAP0\r\n"
+        + _record(1, _text(b"ros2") + _text(b""))
+        + schema
+        + channel
+        + b"".join(chunks)
+        + _record(15, bytes(4))
+    )
+    path = tmp_path / "told.mcap"
+    path.write_bytes(whole.replace(b"first", b"fIrst"))
+    read = McapRecovery(path, "as asked")
+    assert [message.receive_ns for message in read.messages(["/imu"], None, None)] == left
+    assert [damage.kind for damage in read.damages] == (["holes"] if told else [])
+    read.close()
+
+
 def test_a_damaged_message_costs_itself(tmp_path: Path) -> None:
-    """Mutation: let ZstdError out of `unpacked` (the rest of the file is then lost, or the program ends)."""
+    """Mutation: let ZstdError out of `message_itself` (the rest of the file is then lost, or the program ends)."""
     whole = bytearray(damage.recording(tmp_path, "message.db3", n_scans=24, n_columns=30).read_bytes())
     starts = [m.start() for m in re.finditer(re.escape(b"\x28\xb5\x2f\xfd"), bytes(whole))]
     for at in starts[len(starts) // 2 : len(starts) // 2 + 3]:

@@ -102,5 +102,5 @@ def test_wire_reads_what_was_packed(text: str, number: int, stamp: int, cdr: boo
     packer = build.Packer(cdr).header(stamp, text).put("B", 7).put("d", 1.5).text(text).put("H", 9).put("I", number)
     wire = Wire(packer.bytes(), "cdr" if cdr else "ros1")
     assert wire.header() == (stamp, text)
-    assert (wire.u8(), wire.unpack("d", 8), wire.string(), wire.u16(), wire.u32()) == (7, 1.5, text, 9, number)
+    assert (wire.u8(), wire.unpack("d", 8), wire.string(), wire.unpack("H", 2), wire.u32()) == (7, 1.5, text, 9, number)
     assert wire.remaining == 0

@@ -301,7 +301,8 @@ def test_one_damaged_stamp_of_a_scan_costs_that_scan(
 ) -> None:
     """In memory as from the file that holds the scans of a recording of seconds.
 
-    Seen: the file was read before it was mapped, and any recording of usual length ended as a defect. Mutation: that again.
+    Seen: the file was read before it was mapped, and any recording of usual length ended as a defect. Mutations: that again; it
+    counts among the scans that there are.
     """
     if memory_bytes is not None:
         monkeypatch.setattr(scans_of, "MEMORY_BYTES", memory_bytes)
@@ -321,6 +322,7 @@ def test_one_damaged_stamp_of_a_scan_costs_that_scan(
     assert _said(read)["points.malformed"].startswith("1 message on /velodyne_points cannot be decoded")
     assert "its stamp is minutes off" in _said(read)["points.malformed"]
     assert [scan.stamp_ns for scan in read.scans] == [build.EPOCH_NS + k * PERIOD_NS for k in range(60) if k != 20]
+    assert read.scans_total == 59
 
 
 @pytest.mark.parametrize("at", [0, -1])
@@ -334,9 +336,76 @@ def test_a_reading_stamped_with_zero_at_either_end_is_no_clock_that_was_set(at: 
         return [(topic, kind, received_ns, zero) if k == readings[at] else m for k, m in enumerate(messages)]
 
     read = _spoilt(tmp_path, change)
-    assert "clock.set" not in _said(read)
+    assert not {"clock.set", "clock.epochs"} & set(_said(read))
+    assert read.coarse_offset_ns == 0
     assert len(read.imu.stamps_ns) == 599
     assert len(read.scans) == 60
+
+
+@pytest.mark.parametrize("damaged", ["nothing", "a scan", "the first scan", "a reading", "the first reading"])
+def test_a_damaged_stamp_does_not_move_one_clock_against_the_other(damaged: str, tmp_path: Path) -> None:
+    """The IMU counts from its boot, 5 s before the recording. Oracle: EPOCH_NS less those 5 s, known to the latencies of a bag.
+
+    Seen: one scan stamped an hour ahead moved the clocks by that hour, and one reading of zero did by 4.5 ms where they had one
+    epoch. Mutations: headers as they came, of the scans; of the IMU.
+    """
+
+    def change(messages: list[build.Message]) -> list[build.Message]:
+        scans, readings = ([m for m in messages if (m[0] == "/imu/data") == of_imu] for of_imu in (False, True))
+        bad = {
+            "a scan": scans[20],
+            "the first scan": scans[0],
+            "a reading": readings[99],
+            "the first reading": readings[0],
+        }
+        rng = np.random.default_rng(5)
+
+        def restamped(message: build.Message) -> build.Message:
+            wrong_ns = 3600 * SECOND_NS if message is bad.get(damaged) else 0
+            if message[0] != "/imu/data":
+                points = build.velodyne_points(build.sweep(seed=1))
+                stamp_ns = message[2] - round(1.05 * PERIOD_NS) + wrong_ns
+                return (*message[:3], build.pointcloud2(points, cdr=True, stamp_ns=stamp_ns, frame_id="velodyne"))
+            stamp_ns = 5 * SECOND_NS + message[2] - build.EPOCH_NS + wrong_ns
+            accel = np.array([0.0, 0.0, 9.81]) + rng.normal(0.0, 1e-2, 3)
+            return (*message[:3], build.imu_message(stamp_ns, rng.normal(0.0, 1e-3, 3), accel, cdr=True))
+
+        return [restamped(message) for message in messages]
+
+    read = _spoilt(tmp_path, change)
+    assert abs(read.coarse_offset_ns - (build.EPOCH_NS - 5 * SECOND_NS)) < PERIOD_NS
+    assert "clock.epochs" in _said(read)
+
+
+def test_a_stamp_is_judged_damaged_among_those_of_its_own_stretch(tmp_path: Path) -> None:
+    """The clocks are set by an hour at 2 s of 6, and later one scan and one reading bear a stamp of two hours ahead.
+
+    While both sides are there, nothing tells these from a side. Mutation: judged once, of all (the scan is among those read).
+    """
+    moved_ns = 3600 * SECOND_NS
+    accel, rng = np.array([0.0, 0.0, 9.81]), np.random.default_rng(6)
+
+    def change(messages: list[build.Message]) -> list[build.Message]:
+        found: list[build.Message] = []
+        counts = {"/imu/data": 0, "/velodyne_points": 0}
+        for topic, kind, at_ns, _ in messages:
+            wrong_ns = moved_ns if at_ns >= build.EPOCH_NS + 2 * SECOND_NS else 0
+            wrong_ns += 2 * moved_ns if counts[topic] == {"/imu/data": 400, "/velodyne_points": 40}[topic] else 0
+            counts[topic] += 1
+            if topic == "/imu/data":
+                body = build.imu_message(at_ns + wrong_ns, rng.normal(0.0, 1e-3, 3), accel, cdr=True)
+            else:
+                stamp_ns = at_ns - round(1.05 * PERIOD_NS) + wrong_ns
+                points = build.velodyne_points(build.sweep(seed=1))
+                body = build.pointcloud2(points, cdr=True, stamp_ns=stamp_ns, frame_id="velodyne")
+            found.append((topic, kind, at_ns, body))
+        return found
+
+    read = _spoilt(tmp_path, change)
+    assert "clock.set" in _said(read)
+    assert read.scans[-1].stamp_ns < build.EPOCH_NS + moved_ns + 7 * SECOND_NS
+    assert read.imu.stamps_ns[-1] < build.EPOCH_NS + moved_ns + 7 * SECOND_NS
+    assert "its stamp is minutes off" in _said(read)["points.malformed"]
 
 
 def test_what_was_skipped_is_counted_from_the_first_scan_there_is(tmp_path: Path) -> None:

@@ -106,7 +106,7 @@ def test_absolute_times_of_another_epoch_move_by_one_constant() -> None:
 
 
 def test_garbage_times_are_left_out_and_counted() -> None:
-    """Mutation: widen the window of `_windowed` to a thousand periods."""
+    """Mutation: a window (`window_ns`) of a thousand periods."""
     clouds = [cloud(k, "time", "<f4", lambda t, s: t) for k in range(N)]
     damaged = clouds[20].points.copy()
     damaged["time"][::10] = 3.6

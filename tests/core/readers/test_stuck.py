@@ -5,7 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from calib_core.readers.imu.messages import RawImu
+from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.imu.stuck import stuck_axis
+from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray
 
 T = np.arange(1000) * 0.01
@@ -14,7 +17,8 @@ STEP_S = 0.002
 
 
 def _said(gyro: FloatArray, accel: FloatArray, *, step_s: float = 0.01) -> str:
-    found = stuck_axis(np.rint(np.arange(len(T)) * step_s * 1e9).astype(np.int64), gyro, accel, "/imu")
+    stamps_ns = np.rint(np.arange(len(T)) * step_s * 1e9).astype(np.int64)
+    found = stuck_axis(stamps_ns, gyro, accel, "/imu", begin_ns=0)
     return "" if found is None else found.text
 
 
@@ -34,6 +38,21 @@ def test_the_axis_is_named_and_since_when() -> None:
     assert _said(gyro, accel).startswith(
         "The gyroscope's z axis on /imu reads 0 rad/s and nothing else for 10.0 s, from 0.0 s on"
     )
+
+
+def test_when_is_told_from_the_recordings_start() -> None:
+    """The recording began 100 s before what is read of it, and the IMU's clock is 7 s behind the recorder's. Oracle: the sums.
+
+    Mutations: from the first reading; the recorder's start on the clock of the stamps as it is.
+    """
+    gyro, accel = _noisy(1, 1e-3), _noisy(2, 1e-2)
+    gyro[300:, 2] = gyro[300, 2]
+    accel[:, 2] += 9.81
+    stamps_ns = np.rint(1e9 * (T + 500.0)).astype(np.int64)
+    raw = RawImu(stamps_ns, stamps_ns + 7_000_000_000, gyro, accel, "imu", 0)
+    found = clean_imu(raw, ReadSettings(), "/imu", start_ns=407_000_000_000).findings
+    (text,) = (finding.text for finding in found if finding.code == "imu.stuck")
+    assert "for 7.0 s, from 103.0 s on" in text
 
 
 def test_readings_that_are_held_coarse_or_stuck_for_a_moment_are_none() -> None:

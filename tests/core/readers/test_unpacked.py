@@ -10,7 +10,7 @@ import pytest
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container import unpacked as module
-from calib_core.readers.container.unpacked import discard, sharing, unpacked
+from calib_core.readers.container.unpacked import discard, sharing, unpacked_archive
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def unpackings(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
 
 def read(archive: Path) -> str:
     """All bytes of the archive's files, in name order."""
-    with unpacked(archive) as folder:
+    with unpacked_archive(archive) as folder:
         return " ".join(file.read_text() for file in sorted(folder.iterdir()))
 
 
@@ -115,7 +115,7 @@ def test_nothing_is_removed_while_somebody_reads_it(archive: Path, tmp_path: Pat
     """Mutations: files removed in spite of the lock; the lock given up once unpacked."""
     shared = tmp_path / "shared"
     assert discard(shared)
-    with sharing(shared), unpacked(archive) as folder:
+    with sharing(shared), unpacked_archive(archive) as folder:
         assert not discard(shared)
         assert (folder / "room_1.mcap").is_file()
     assert discard(shared)

@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from calib_core import calibrate as page
+from calib_core.broken_in_two import break_of
 from calib_core.calibrate import calibrate
+from calib_core.events import LogEvent, ignore_event
 from calib_core.full.assess import disagreement
 from calib_core.full.assess.clock_step import clock_step, misfit, turning_within
 from calib_core.full.assess.disagreement import planes_at_once
+from calib_core.full.assess.error_budget import DISAGREEMENT
 from calib_core.full.assess.influence import Influences
+from calib_core.message_log import MessageLog
 from calib_core.result import TimeBlock
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
-from calib_core.types import FloatArray, Recording
+from calib_core.types import FloatArray, ImuData, Recording
 
 STD_S = 1e-4
 
@@ -210,6 +215,37 @@ def test_a_recording_whose_clock_was_set_is_answered_by_its_longer_part(recorded
     assert result.time_offset_s == pytest.approx(truth.time_offset_ns * 1e-9 - 5e-3, abs=4.0 * std[6])
     off = np.array(result.T_imu_lidar.translation_m) - truth.p_imu_lidar
     assert np.linalg.norm(off) < 4.0 * np.linalg.norm(std[3:6])
+
+
+def test_when_a_recording_broke_is_told_from_its_first_scan(recorded: tuple[Recording, Truth]) -> None:
+    """A hundred seconds were skipped: a step in the fifth of eight stretches of 2.5 s, and a silence of the IMU from 4 to 8 s.
+    The result's own times count so. Oracle: the sums.
+
+    Seen: "between 10.0 s and 12.5 s" beside stretches from 100 s on. Mutation: as the sides have them, of the span of the break;
+    of the longer side; of either break.
+    """
+    recording = replace(recorded[0], skipped_s=100.0)
+    offsets = _noise(1) + np.concatenate([np.zeros(4), [2e-3], np.full(3, 4e-3)])
+    parts = SimpleNamespace(time_blocks=_blocks(offsets))
+    answer: Any = SimpleNamespace(evidence=SimpleNamespace(parts=parts), time_offset_ns=0, at_once=1.0)
+    imu = recording.imu
+    turning = replace(
+        recording, imu=replace(imu, gyro_rad_s=np.random.default_rng(1).normal(size=imu.gyro_rad_s.shape))
+    )
+    log = MessageLog(ignore_event)
+    step = break_of(answer, turning, log)
+    assert step is not None
+    assert "between 110.0 s and 112.5 s" in step.told("all is used").text
+    assert step.longer_in_words == "between 100.0 s and 110.0 s"
+    at_s = (imu.stamps_ns - recording.scans[0].stamp_ns) * 1e-9
+    heard = (at_s < 4.0) | (at_s > 8.0)
+    silent = ImuData(imu.stamps_ns[heard], imu.gyro_rad_s[heard], imu.accel_m_s2[heard], imu.topic, imu.frame_id)
+    log(LogEvent(level="warning", code=DISAGREEMENT, text="parts disagree"))
+    unknown: Any = SimpleNamespace(evidence=None, time_offset_ns=0)
+    silence = break_of(unknown, replace(recording, imu=silent), log)
+    assert silence is not None
+    assert "the IMU is silent between 104.0 s and 108.0 s" in silence.what
+    assert silence.longer_in_words.startswith("between 108.0 s and 11")
 
 
 def test_walls_that_disagree_at_the_same_time_are_no_clock(

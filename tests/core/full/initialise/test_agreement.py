@@ -11,7 +11,7 @@ from calib_core.full.initialise.agreement import Agreement, agreeing_part, agree
 from calib_core.full.initialise.felt import GyroTurning
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
-from calib_core.full.initialise.time_offset import GyroTurns, Turns
+from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray
 
@@ -24,8 +24,8 @@ def _rate(t_s: FloatArray) -> FloatArray:
     return np.stack([0.6 * np.sin(2.1 * t_s), 0.5 * np.sin(3.3 * t_s + 1.0), 0.4 * np.sin(1.3 * t_s + 2.0)], axis=1)
 
 
-def _turns(rate: FloatArray, t_s: FloatArray) -> Turns:
-    return Turns(t_s, t_s + 0.1, rate)
+def _turns(rate: FloatArray, t_s: FloatArray) -> LidarTurns:
+    return LidarTurns(t_s, t_s + 0.1, rate)
 
 
 def _gyro(unit: float) -> tuple[FloatArray, FloatArray]:
@@ -43,7 +43,6 @@ def test_rates_in_any_unit_go_together(unit: float) -> None:
     t = np.arange(0.0, 30.0, 0.1)
     got = agreement_of(_turns(_rate(t + 0.05), t), *_gyro(unit))
     assert got.correlation > 0.99
-    assert got.lag_s == pytest.approx(LAG_S, abs=0.02)
     assert got.ratio == pytest.approx(unit, rel=0.02)
     assert got.ratio_spread < 0.05
 
@@ -92,7 +91,7 @@ def test_the_part_that_agrees_is_found_where_a_track_is_lost_elsewhere() -> None
         assert within[0] <= part.start_s[0] + 1.1
         assert part.start_s[-1] <= within[1] + 1.1
         assert agreed.correlation > AGREEING.trusted
-        assert agreed.lag_s == pytest.approx(LAG_S, abs=0.02)
+        assert agreed.ratio_spread < 0.05
         assert len(part.R) == len(part.sweep_s) == len(part.start_s)
     nowhere, _ = agreeing_part(_track(t, np.ones(len(t), np.bool_), seed=3), *_gyro(1.0))
     assert nowhere is None
@@ -118,7 +117,7 @@ def test_rates_that_go_together_by_chance_are_no_agreement(
 ) -> None:
     """Seen: the leaps at the end of a lost track lay upon a swing 4.7 s away, 0.91 alike and 22 times as fast; the solve set out
     from there and the walls were blamed. Mutations: any ratio is a unit's; a part is taken whatever its ratio."""
-    found = Agreement(0.95, 4.7, ratio, 0.3)
+    found = Agreement(0.95, ratio, 0.3)
     assert found.is_of_a_unit == told
     monkeypatch.setattr(agreement_module, "agreement", lambda *_: found)
     t = np.arange(0.0, 30.0, 0.1)

@@ -32,7 +32,7 @@ def test_a_track_that_agrees_by_chance_is_not_trusted(
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Alike to 0.95, but 22 times as fast: the turns between neighbours are asked. Mutation: trusted by the correlation alone."""
-    by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
+    by_chance = Agreement(0.95, 0.045, 0.35)
     monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)
     found, said = begun(noisy[0], given=False)
     assert "track.aided" in said
@@ -149,7 +149,7 @@ def test_turns_from_scan_to_scan_are_found_once(
         asked.append(run)
         return pairs_start(run)
 
-    by_chance = Agreement(0.95, 4.7, 0.045, 0.35)
+    by_chance = Agreement(0.95, 0.045, 0.35)
     monkeypatch.setattr("calib_core.full.initialise.begin.agreement", lambda *_: by_chance)
     monkeypatch.setattr("calib_core.full.initialise.begin.follow", astray)
     monkeypatch.setattr("calib_core.full.initialise.begin.pairs_start", pairs)

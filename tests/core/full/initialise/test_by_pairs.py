@@ -70,7 +70,6 @@ def test_a_few_pairs_that_went_wrong_do_not_hide_what_all_others_say(
     assert starts[0].correlation < 0.9
     assert starts[0].residual < 0.2
     assert agreed.correlation > 0.95
-    assert agreed.lag_s == starts[0].time_offset_s
     elsewhere = replace(recording.imu, gyro_rad_s=recording.imu.gyro_rad_s[::-1].copy())
     run = prepare(replace(recording, imu=elsewhere), CalibrateSettings(), ignore_event, never_cancel)
     assert pairs_start(run)[1].correlation < 0.9

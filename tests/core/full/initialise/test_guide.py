@@ -293,7 +293,7 @@ def test_what_leads_one_way_leads_the_other(noisy: tuple[Recording, Truth], run:
     """
     asked: list[int] = []
 
-    class Turns(GyroTurning):
+    class LidarTurns(GyroTurning):
         def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
             asked.append(start_ns)
             return super().between(start_ns, end_ns)
@@ -301,7 +301,7 @@ def test_what_leads_one_way_leads_the_other(noisy: tuple[Recording, Truth], run:
     class Forwards:
         led = True
 
-        def lead(self, _motions: Any, newest: ScanMotion | None) -> Turns | None:
+        def lead(self, _motions: Any, newest: ScanMotion | None) -> LidarTurns | None:
             return turns if newest is not None and newest.position > 30 + reference else None
 
     reference, fits = find_reference(noisy[0].scans[30:], run.settings)
@@ -310,7 +310,7 @@ def test_what_leads_one_way_leads_the_other(noisy: tuple[Recording, Truth], run:
     rotation = told_rotation(run, lidar)
     assert rotation is not None
     known = GyroTurning.of(run, rotation)
-    turns = Turns(**{each.name: getattr(known, each.name) for each in fields(known)})
+    turns = LidarTurns(**{each.name: getattr(known, each.name) for each in fields(known)})
     track(noisy[0].scans, named_planes(fits), 30 + reference, guide=Forwards(), within=range(25, 36))
     first_ns = noisy[0].scans[30 + reference].stamp_ns
     assert min(asked) < first_ns - 2e8

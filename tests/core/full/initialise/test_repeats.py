@@ -11,7 +11,7 @@ from calib_core.events import Event, LogEvent, never_cancel
 from calib_core.full.initialise.initialise import initialise, of_the_turns_lag
 from calib_core.full.initialise.rotation import acceleration_start, fit_lags, rotation_start
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
-from calib_core.full.initialise.time_offset import GyroTurns, Turns
+from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns
 from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
@@ -72,7 +72,7 @@ def test_turns_that_are_told_each_by_itself_have_the_nearest_round_among_their_l
     """Oracle: the round's own length. Mutation: the most alike alone, which lie five rounds away."""
     stamps_s, rates = _gyro(-12.0, 32.0)
     track = _track(0.0, 20.0)
-    turns = Turns(track.start_s, track.start_s + SWEEP_S, track.omega_rad_s)
+    turns = LidarTurns(track.start_s, track.start_s + SWEEP_S, track.omega_rad_s)
     rates += 1e-3 * np.random.default_rng(3).normal(size=rates.shape)
     lags = lags_by_vectors(turns, stamps_s - 0.031, rates)
     assert min(abs(lag_s - 0.031) for lag_s, _ in lags) < 0.03

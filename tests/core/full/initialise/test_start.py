@@ -16,7 +16,7 @@ from calib_core.full.initialise.linear import double_integral, linear_start, lin
 from calib_core.full.initialise.rotation import _fit_rotations, rotation_start
 from calib_core.full.initialise.single_axis import turns_about, upright
 from calib_core.full.initialise.start import LidarTrack, RotationStart, Start
-from calib_core.full.initialise.time_offset import GyroTurns, Turns, candidate_lags, turns_of
+from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns, candidate_lags, turns_of
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
@@ -113,7 +113,7 @@ def test_lags_tried_at_once_are_as_each_by_itself() -> None:
     assert together[5] is None
     for one, lag in zip(together[:5], lags, strict=False):
         use = np.isfinite(gyro_turns.over(turns.start_s - lag, turns.end_s - lag)[:, 0])
-        counting = Turns(turns.start_s[use], turns.end_s[use], turns.rate_rad_s[use])
+        counting = LidarTurns(turns.start_s[use], turns.end_s[use], turns.rate_rad_s[use])
         alone = _fit_rotations(counting, gyro_turns, lag[None], 0.9)[0]
         assert one is not None
         assert alone is not None

@@ -301,17 +301,23 @@ def test_the_map_is_laid_on_the_reference_scan_again(half: Half) -> None:
 
 
 def test_what_was_carried_on_after_the_planes_were_lost_is_let_go(half: Half) -> None:
-    """Mutations: keep all; keep the scans; keep nothing beyond the last plane; cut where planes were seen to the end."""
+    """When is told from the recording's first scan, whatever was skipped.
+
+    Mutations: keep all; keep the scans; keep nothing beyond the last plane; cut where planes were seen to the end; when, from
+    the first scan used.
+    """
     way = begin(half.data, half.state, half.schedule, POLICY)
     assert let_go(half.data, way, POLICY) is way.state
     gone = replace(way, seen_at=np.full_like(way.seen_at, half.state.knots - 200))
     said: list[str] = []
-    run: Any = replace(half.data.run, on_event=lambda event: said.append(event.code))
+    recording = replace(half.data.run.recording, skipped_s=100.0)
+    run: Any = replace(half.data.run, recording=recording, on_event=lambda event: said.append(event.text))
     left = let_go(replace(half.data, run=run), gone, POLICY)
     assert left.knots == half.state.knots - 150
     ends_s = half.data.readings.knots_s[left.knots - 1] + left.estimate.time_offset_s
     assert 0.0 < ends_s - half.data.run.clocks.scan_s[max(left.positions)] < 0.2
-    assert said == ["planes.lost"]
+    assert len(said) == 1
+    assert f"out of sight {100.0 + ends_s:.0f} s after the recording's first scan" in said[0]
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ def turning_away(short: Scenario) -> Scenario:
 
 
 def test_views_of_one_plane_and_of_none_are_bridged(turning_away: Scenario) -> None:
-    """Fails when lost planes are not known again by their normals (`_know_again` gives None), or the gates stay narrow.
+    """Mutation: nothing is gone after beyond what was tracked (`propagate` gives its state back).
 
     The planes are out of sight for seconds more than once. Without what comes after, 70 of the 220 scans are left.
     """

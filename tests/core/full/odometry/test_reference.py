@@ -34,11 +34,14 @@ def _half_empty(recording: Recording) -> Recording:
 
 
 def test_another_reference_is_taken_where_the_first_leads_nowhere(noisy: tuple[Recording, Truth]) -> None:
-    """Fails when the first reference's twelve scans are kept, or the poses stay in the first one's frame."""
-    recording = _half_empty(noisy[0])
+    """When it was is told from the recording's first scan. Fails when the first reference's twelve scans are kept, the poses stay
+    in the first one's frame, or the time counts from the first scan used.
+    """
+    recording = replace(_half_empty(noisy[0]), skipped_s=100.0)
     found, said = begun(recording, given=False)
     assert found.reference > 36
-    assert "track.reference" in said
+    at_s = 100.0 + 1e-9 * (recording.scans[found.reference].stamp_ns - recording.scans[0].stamp_ns)
+    assert f"those of the scan at {at_s:.1f} s, from" in said["track.reference"]
     assert [m.position for m in found.motions] == list(range(37, len(recording.scans)))
     turned, moved = track_errors(recording, noisy[1], found)
     assert turned < 4.0
@@ -171,7 +174,7 @@ def test_a_track_is_the_same_every_time(noisy: tuple[Recording, Truth]) -> None:
 def test_a_lidar_that_turns_like_nothing_the_gyroscope_saw_is_refused_as_that(noisy: tuple[Recording, Truth]) -> None:
     """Sweeps in an order drawn by lot: a track may come of it, of any speed. It is no ground to doubt a unit.
 
-    Mutation: `_refuse_lost` that lets such a track pass: the start values complain of a unit, or the solve diverges.
+    Mutation: `refuse_lost` that lets such a track pass: the start values complain of a unit, or the solve diverges.
     """
     recording, _ = noisy
     order = np.random.default_rng(5).permutation(len(recording.scans))

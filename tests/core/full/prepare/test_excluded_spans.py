@@ -83,12 +83,16 @@ def test_what_is_excluded_cannot_matter(noisy: tuple[Recording, Truth]) -> None:
 def test_a_scan_goes_when_any_of_it_lies_in_a_span(
     noisy: tuple[Recording, Truth], spans: tuple[tuple[float, float], ...], left: int
 ) -> None:
-    """Sweeps of 0.1 s one after the other, counted by hand. Fails with only the first points' times compared."""
+    """Sweeps of 0.1 s one after the other, counted by hand. Mutations: only the first points' times compared; what is
+    left counts from its own first scan."""
     recording = noisy[0]
     assert len(recording.scans) == 60
     assert len(kept_places(recording.scans, spans)) == left
-    kept = without_spans(recording, spans)
+    kept = without_spans(replace(recording, skipped_s=4.0), spans)
     assert (len(kept.scans), kept.imu) == (left, recording.imu)
+    assert kept.skipped_s == pytest.approx(
+        4.0 + 1e-9 * (kept.scans[0].stamp_ns - recording.scans[0].stamp_ns), abs=1e-9
+    )
 
 
 def test_nothing_left_is_refused(noisy: tuple[Recording, Truth]) -> None:
