@@ -247,23 +247,19 @@ def _split_order(file: Path) -> tuple[str, int, str]:
 
 
 def decompressed_file(file: Path, folder: Path) -> Path:
-    """A zstd-compressed storage file unpacked into `folder`; a cut file as far as it goes."""
+    """A zstd-compressed storage file unpacked into `folder`, of however many frames; a cut file as far as it goes."""
     out = folder / file.stem
     room = unpacked_room(file, folder)
-    with file.open("rb") as source, out.open("wb") as sink:
-        decompressor = zstd.ZstdDecompressor()
+    with zstd.open(file) as source, out.open("wb") as sink:
         try:
-            while not decompressor.eof:
-                block = source.read(_BLOCK) if decompressor.needs_input else b""
-                if not block and decompressor.needs_input:
-                    break
-                sink.write(decompressor.decompress(block, _BLOCK))
+            while block := source.read1(_BLOCK):
+                sink.write(block)
                 if sink.tell() > room:
                     raise UnreadableRecording(
                         f"The file {file.name} unpacks to more than {room / 1e9:.2f} GB, more than there is room for or "
                         "than a recording does; unpack it by hand."
                     )
-        except zstd.ZstdError as error:
+        except (zstd.ZstdError, EOFError) as error:
             if sink.tell() == 0:
                 raise UnreadableRecording(f"The file {file.name} is not valid zstd; copy it again.") from error
     return out
