@@ -98,6 +98,7 @@ __all__ = [
     "scenarios",
     "sharing_archives",
     "simulate",
+    "time_offset_apart_s",
     "without_spans",
 ]
 
@@ -332,6 +333,13 @@ def parse_extrinsic(
     from calib_core.audit import given
 
     return given.parse_extrinsic(text, direction=direction, frames=frames or ("", ""))
+
+
+def time_offset_apart_s(first: CalibrationResult, second: CalibrationResult) -> float:
+    """The second answer's time offset less the first's; of one recording as both are at the second's instant."""
+    from calib_core.audit import compare
+
+    return compare.offset_apart_s(first, second)
 
 
 def read_limits(path: str | Path) -> Limits:

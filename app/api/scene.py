@@ -75,7 +75,7 @@ async def proxy_scene_of_tab(browser: WebSocket, recording_id: RecordingPath, ta
 async def _proxy(browser: WebSocket, recording_id: str, tab: str | None) -> None:
     services = services_of(browser)
     try:
-        line = await to_thread.run_sync(
+        line, scene = await to_thread.run_sync(
             services.scenes.dial, recording_id, limiter=_limiter(browser, "dialling", DIALLING)
         )
     except Unavailable:
@@ -97,16 +97,15 @@ async def _proxy(browser: WebSocket, recording_id: str, tab: str | None) -> None
         ]
         with anyio.move_on_after(ARRIVING_S):
             await pictured.wait()
-    # In a thread: whoever composes this scene anew holds its lock, and everybody else's requests would wait as well.
-    await to_thread.run_sync(services.scenes.open.watcher_came, recording_id, +1)
+    services.scenes.open.watcher_came(scene, +1)
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+        services.scenes.open.watcher_came(scene, -1)
         with anyio.CancelScope(shield=True):
-            await to_thread.run_sync(services.scenes.open.watcher_came, recording_id, -1)
             await upstream.close()
 
 

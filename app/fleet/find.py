@@ -80,7 +80,8 @@ def _leads_nowhere(child: Path) -> bool:
 
 def _listed(source: Path, folder: Path) -> Iterator[Path]:
     try:
-        lines = source.read_text(encoding="utf-8-sig").splitlines()  # some editors begin a file with a mark
+        # Some editors begin a file with a mark. Not splitlines: a file's name may hold U+0085 or U+2028.
+        lines = source.read_text(encoding="utf-8-sig").split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"Expected a text file with a path a line, but {source} is none; correct it.") from error
     for line in lines:

@@ -84,10 +84,9 @@ class JobLogs:
         journal: Journal[str] = Journal()
         path = self._path(job_id)
         if path.is_file():
-            text = path.read_text(encoding="utf-8")
-            # A line cut off by a crash is no message.
-            for line in text[: text.rfind("\n") + 1].splitlines():
-                journal.append(line)
+            # What a crash cut off is no message. Bytes: it may end within a letter, and U+2028 in a name ends a line of text.
+            for line in path.read_bytes().split(b"\n")[:-1]:
+                journal.append(line.decode("utf-8", "replace"))
         return journal
 
     def _path(self, job_id: str) -> Path:

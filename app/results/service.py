@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 from fastapi import Response
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from app.errors import BadRequest, Conflict
 from app.jobs.machine import SENTENCES
@@ -17,6 +17,7 @@ from app.jobs.service import JobService
 from app.results.beside import Beside
 from app.results.command import Found, command_of, found_by
 from app.results.report import report_page
+from app.schemas.common import ErrorFacts
 from app.schemas.evidence import Evidence
 from app.schemas.jobs import Job, SolveOutcome
 from app.schemas.results import AnswerDifference, Command, Run, Runs, ScanQuality, Thickness
@@ -42,12 +43,12 @@ class ResultService:
 
     def document(self, job: JobRecord) -> CalibrationResult:
         """The result document."""
-        return CalibrationResult.from_json(self._text(job))
+        return _result(self._path_of(job))
 
     def download(self, job: JobRecord) -> Response:
         """The result document as a file."""
         headers = {"Content-Disposition": f'attachment; filename="calibration-{job.id[:8]}.json"'}
-        return Response(self._text(job), media_type="application/json", headers=headers)
+        return Response(_text(self._path_of(job)), media_type="application/json", headers=headers)
 
     def export(self, job: JobRecord, format_name: str) -> str:
         """The extrinsic, or what was found of the sensors, as another program wants it."""
@@ -59,32 +60,31 @@ class ResultService:
 
     def thickness(self, job: JobRecord) -> Thickness:
         """Wall thickness before and after."""
-        self._text(job)
+        self._path_of(job)
         path = self._files.job(job.id) / "thickness.json"
         if not path.is_file():
             raise Conflict("result.no_answer", "The solve was refused, so there is no motion to take out of the scans.")
-        return Thickness.model_validate_json(path.read_text(encoding="utf-8"))
+        return _read(path, Thickness.model_validate_json)
 
     def audit(self, job: JobRecord) -> AuditReport:
         """The report of an audit."""
         path = self._files.job(job.id) / "audit.json"
         if job.kind != "audit" or job.state != "done" or not path.is_file():
             raise Conflict("audit.not_there", f"This job has no audit's report: {SENTENCES[job.state]}")
-        return AuditReport.model_validate_json(path.read_text(encoding="utf-8"))
+        return _read(path, AuditReport.model_validate_json)
 
     def scans(self, job: JobRecord) -> ScanQuality:
         """How well each scan agrees with the planes."""
-        self._text(job)
+        self._path_of(job)
         path = self._files.job(job.id) / "scans.json"
         if not path.is_file():
             raise Conflict("result.no_scans", "This run did not measure its scans one by one; solve again to see them.")
-        return ScanQuality.model_validate_json(path.read_text(encoding="utf-8"))
+        return _read(path, ScanQuality.model_validate_json)
 
     def command(self, job: JobRecord, recording: RecordingRecord, *, guest: bool = False) -> Command:
         """The same run on the command line.   guest: sees one recording by its name, and no folder."""
         path = self._files.job(job.id) / "reading.json"
-        text = path.read_text(encoding="utf-8") if path.is_file() else recording.read_settings_json
-        reading = ReadSettings.model_validate_json(text)
+        reading = _kept(path, ReadSettings) or ReadSettings.model_validate_json(recording.read_settings_json)
         found = Found(recording.name) if guest else found_by(recording, self._below(self._files.source(recording)))
         request = StoredRequest.model_validate_json(job.request_json)
         return command_of(self.document(job), reading, request, found=found)
@@ -103,48 +103,69 @@ class ResultService:
 
     def runs(self, recording_id: str) -> Runs:
         """The recording's solves, newest first, each answer compared with the latest one."""
-        solves = [job for job in self._jobs.list_of(recording_id) if job.kind == "solve"]
-        answered = [job for job in solves if _matrix(self._path(job.id)) is not None]
-        latest = answered[0] if answered else None
-        runs = [Run(job=job, from_latest=self._compare(job, latest)) for job in solves]
+        found = [self._found(job) for job in self._jobs.list_of(recording_id) if job.kind == "solve"]
+        latest = next((result for _, result in found if result is not None and result.T_imu_lidar is not None), None)
+        runs = [run.model_copy(update={"from_latest": _from_latest(result, latest)}) for run, result in found]
         return Runs(recording_id=recording_id, runs=runs)
 
-    def _compare(self, job: Job, latest: Job | None) -> AnswerDifference | None:
-        if latest is None or job.id == latest.id:
-            return None
-        here, there = _matrix(self._path(job.id)), _matrix(self._path(latest.id))
-        if here is None or there is None or not isinstance(job.result, SolveOutcome):
-            return None
-        if not isinstance(latest.result, SolveOutcome):
-            return None
-        turn = here[:3, :3].T @ there[:3, :3]
-        # The sine keeps small angles that the cosine would round away.
-        sine = 0.5 * np.linalg.norm([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
-        cosine = 0.5 * (np.trace(turn) - 1.0)
-        return AnswerDifference(
-            rotation_deg=float(np.degrees(np.arctan2(sine, cosine))),
-            translation_m=float(np.linalg.norm(there[:3, 3] - here[:3, 3])),
-            time_offset_s=(latest.result.time_offset_s or 0.0) - (job.result.time_offset_s or 0.0),
-        )
+    def _found(self, job: Job) -> tuple[Run, CalibrationResult | None]:
+        """A solve and what it found: nothing where it has no result, or a damaged one, of which the others know nothing."""
+        path = self._path(job.id)
+        try:
+            return Run(job=job), _result(path) if isinstance(job.result, SolveOutcome) and path.is_file() else None
+        except Conflict as error:
+            return Run(job=job, error=ErrorFacts(code=error.code, text=str(error))), None
 
-    def _text(self, job: JobRecord) -> str:
+    def _path_of(self, job: JobRecord) -> Path:
         if job.kind != "solve":
             raise Conflict("result.not_a_solve", f"A job of kind {job.kind} has no result; ask for that of a solve.")
         path = self._path(job.id)
         if job.state != "done" or not path.is_file():
             raise Conflict("result.not_there", f"This solve has no result: {SENTENCES[job.state]}")
-        return path.read_text(encoding="utf-8")
+        return path
 
     def _path(self, job_id: str) -> Path:
         return self._files.job(job_id) / "result.json"
 
 
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise _damaged() from error
+
+
+def _read(path: Path, parse: Callable[[str], _Model]) -> _Model:
+    """What a job left. Raises Conflict where it lies damaged on the disk: that is no defect, and nobody else's matter."""
+    try:
+        return parse(_text(path))
+    except ValidationError as error:
+        raise _damaged() from error
+
+
+def _result(path: Path) -> CalibrationResult:
+    return _read(path, CalibrationResult.from_json)
+
+
+def _damaged() -> Conflict:
+    return Conflict("result.unreadable", "What this run found lies damaged on the disk; run it again.")
+
+
 def _kept(path: Path, model: type[_Model]) -> _Model | None:
-    return model.model_validate_json(path.read_text(encoding="utf-8")) if path.is_file() else None
+    """What may stand beside an answer; None where it is not there."""
+    return _read(path, model.model_validate_json) if path.is_file() else None
 
 
-def _matrix(path: Path) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]] | None:
-    if not path.is_file():
+def _from_latest(result: CalibrationResult | None, latest: CalibrationResult | None) -> AnswerDifference | None:
+    if result is latest or result is None or result.T_imu_lidar is None or latest is None or latest.T_imu_lidar is None:
         return None
-    transform = CalibrationResult.from_json(path.read_text(encoding="utf-8")).T_imu_lidar
-    return None if transform is None else np.array(transform.matrix)
+    here, there = np.array(result.T_imu_lidar.matrix), np.array(latest.T_imu_lidar.matrix)
+    turn = here[:3, :3].T @ there[:3, :3]
+    # The sine keeps small angles that the cosine would round away.
+    sine = 0.5 * np.linalg.norm([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    cosine = 0.5 * (np.trace(turn) - 1.0)
+    return AnswerDifference(
+        rotation_deg=float(np.degrees(np.arctan2(sine, cosine))),
+        translation_m=float(np.linalg.norm(there[:3, 3] - here[:3, 3])),
+        time_offset_s=api.time_offset_apart_s(result, latest),
+    )

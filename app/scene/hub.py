@@ -107,10 +107,10 @@ class SceneHub:
         if scene is not None and scene.watchers > 0:
             scene.live.request()
 
-    def dial(self, recording_id: str) -> socket.socket:
-        """A connection to the recording's viser server, which is started if need be."""
+    def dial(self, recording_id: str) -> tuple[socket.socket, OpenScene]:
+        """A connection to the recording's viser server, which is started if need be, and the scene that it leads to."""
         with self._opened(recording_id) as scene:
-            return scene.shown.dial()
+            return scene.shown.dial(), scene
 
     @contextmanager
     def _opened(self, recording_id: str) -> Iterator[OpenScene]:

@@ -73,13 +73,11 @@ class OpenScenes:
         scene.used_at_s = time.monotonic()
         return scene, made
 
-    def watcher_came(self, recording_id: str, change: int) -> None:
-        """A browser connected to the scene (+1) or left it (-1)."""
-        with self.locked(recording_id):
-            scene = self._open.get(recording_id)
-            if scene is not None:
-                scene.watchers = max(0, scene.watchers + change)
-                scene.used_at_s = time.monotonic()
+    def watcher_came(self, scene: OpenScene, change: int) -> None:
+        """A browser connected to this scene (+1) or left it (-1), and not the one that the recording has by then. Quick."""
+        with self._registry:
+            scene.watchers += change
+            scene.used_at_s = time.monotonic()
 
     def watchers(self, recording_id: str) -> int:
         """Browsers connected to the recording's scene now."""

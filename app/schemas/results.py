@@ -6,7 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from app.schemas.common import RecordId, WireModel
+from app.schemas.common import ErrorFacts, RecordId, WireModel
 from app.schemas.jobs import Job
 
 
@@ -70,7 +70,9 @@ class AnswerDifference(WireModel):
 
     rotation_deg: float
     translation_m: float
-    time_offset_s: float
+    time_offset_s: float = Field(
+        description="at one instant: clocks run apart, and each answer's offset holds at its own"
+    )
 
 
 class Run(WireModel):
@@ -78,6 +80,9 @@ class Run(WireModel):
 
     job: Job
     from_latest: AnswerDifference | None = None
+    error: ErrorFacts | None = Field(
+        default=None, description="why its result cannot be read: it lies damaged on the disk"
+    )
 
 
 class Runs(WireModel):

@@ -39,7 +39,7 @@ class Brake:
         now_s = self._clock()
         with self._lock:
             tries = self._tries.get(_network(address))
-        if tries is None or now_s - tries.last_s > FORGET_S:
+        if tries is None:
             return
         left_s = tries.last_s + _wait_s(tries.wrong) - now_s
         if left_s > 0:

@@ -55,6 +55,8 @@ def install_client(app: FastAPI, static: Path = STATIC) -> None:
     """Serve the client's files and, for every other address, its page. Comes after all other routes."""
     if (static / "assets").is_dir():
         app.mount(ASSETS, HashedFiles(directory=static / "assets"), name="assets")
+    # Looked up by name: what somebody asks for is never a path on the disk, whatever is in it.
+    own = {file.relative_to(static).as_posix(): file for file in static.rglob("*") if file.is_file()}
     router = APIRouter(include_in_schema=False)
 
     @router.get("/{path:path}")
@@ -62,12 +64,9 @@ def install_client(app: FastAPI, static: Path = STATIC) -> None:
         """The client: a file of its own, or the page, which knows what to show at this address."""
         if path.split("/", 1)[0] in SERVER_PATHS:
             raise NotFound("http.404", f"There is nothing at /{path}; the API's document is at /api/docs.")
-        found = (static / path).resolve()
-        if path and found.is_relative_to(static.resolve()) and found.is_file():
-            return FileResponse(found, headers={"Cache-Control": "no-cache"})
-        index = static / "index.html"
-        if not index.is_file():
+        found = own.get(path, static / "index.html")
+        if not found.is_file():
             return PlainTextResponse(NOT_BUILT, status_code=200)
-        return FileResponse(index, headers={"Cache-Control": "no-cache"})
+        return FileResponse(found, headers={"Cache-Control": "no-cache"})
 
     app.include_router(router)

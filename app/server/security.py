@@ -48,10 +48,14 @@ ONWARD = '<!doctype html><meta charset="utf-8"><meta http-equiv="refresh" conten
 
 @dataclass(frozen=True, slots=True)
 class _Visitor:
-    """Who asks. name: for queues and logs.   shared: the one recording that may be looked at; None for all."""
+    """Who asks. name: for queues and logs.   shared: the one recording that may be looked at; None for all.
+
+    shows_token: with this very request, not by a session that it began.
+    """
 
     name: str
     shared: str | None = None
+    shows_token: bool = False
 
 
 class Gatekeeper:
@@ -75,7 +79,7 @@ class Gatekeeper:
         except ApiError as error:
             await self._refuse(scope, headers, error, receive, send)
             return
-        if scope["type"] == "http" and (answer := self._begin(scope, headers)) is not None:
+        if scope["type"] == "http" and (answer := self._begin(scope, headers, visitor)) is not None:
             await answer(scope, receive, send)
             return
         if scope["type"] == "http" and not _is_upload(scope):
@@ -105,14 +109,10 @@ class Gatekeeper:
             return _Visitor(_address(scope))
         name = None if self._sessions is None else self._sessions.name_of(_cookie(headers, sessions.COOKIE))
         if name is not None:
-            return _Visitor(name)
+            return _Visitor(name, shows_token=self._shows_token(scope, _query(scope, "token")))
         scheme, _, bearer = headers.get("authorization", "").partition(" ")
-        shown = [value for value in (_query(scope, "token"), bearer if scheme.lower() == "bearer" else "") if value]
-        if shown:
-            self._brake.check(_address(scope))
-            if any(map(self._is_token, shown)):
-                return _Visitor(_address(scope))
-            self._brake.wrong(_address(scope))
+        if self._shows_token(scope, _query(scope, "token"), bearer if scheme.lower() == "bearer" else ""):
+            return _Visitor(_address(scope), shows_token=True)
         shared = self._shared(scope, headers)
         if shared is not None and scope["type"] == "http" and scope["method"] in {"GET", "HEAD"}:
             if shown_to_guests(scope["path"], shared):
@@ -124,9 +124,16 @@ class Gatekeeper:
             "`Authorization: Bearer TOKEN`.",
         )
 
-    def _is_token(self, shown: str) -> bool:
-        token = self._settings.token
-        return token is not None and hmac.compare_digest(shown.encode(), token.encode())
+    def _shows_token(self, scope: Scope, *shown: str) -> bool:
+        """Whether the token is among these. The only place that compares: whoever shows a wrong one waits before the next."""
+        tried, token = [one.encode() for one in shown if one], self._settings.token
+        if not tried or token is None:
+            return False
+        self._brake.check(_address(scope))
+        if any(hmac.compare_digest(one, token.encode()) for one in tried):
+            return True
+        self._brake.wrong(_address(scope))
+        return False
 
     def _shared(self, scope: Scope, headers: Headers) -> str | None:
         """The recording that a link in the address or in its cookie shows."""
@@ -153,12 +160,12 @@ class Gatekeeper:
                 "UNSWEEP_ALLOWED_ORIGINS.",
             )
 
-    def _begin(self, scope: Scope, headers: Headers) -> Response | None:
+    def _begin(self, scope: Scope, headers: Headers, visitor: _Visitor) -> Response | None:
         """After `?token=` or `?share=` in a page's address: a cookie instead, and out of the address bar."""
         if self._settings.token is None or scope["method"] != "GET":
             return None
         link = _query(scope, "share")
-        if self._sessions is not None and self._is_token(_query(scope, "token")):
+        if self._sessions is not None and visitor.shows_token and _query(scope, "token"):
             session = self._sessions.begin(_cookie(headers, sessions.COOKIE))
             name, value, age_s = sessions.COOKIE, session, int(self._settings.session_hours * 3600)
         elif link and self._links is not None and self._links.recording_of(link) is not None:

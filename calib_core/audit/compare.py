@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.audit.limits import Limits
-from calib_core.audit.pose import GivenExtrinsic, inverse
+from calib_core.audit.pose import GivenExtrinsic, gained_s, instant_of, inverse
 from calib_core.audit.report import AxisAudit, Verdict
 from calib_core.geometry import log
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult
@@ -28,18 +28,22 @@ _INVERSE_TIMES_NEARER = 10.0
 
 
 def carried(given: GivenExtrinsic, found: CalibrationResult) -> GivenExtrinsic:
-    """What is given with its time offset as it is when the found one holds, where both are of one recording.
+    """What is given with its time offset as it is when the found one holds, where both are of one recording."""
+    if given.time_offset_ns is None:
+        return given
+    gain_s, std_s = gained_s(given.instant, instant_of(found))
+    covariance = given.covariance
+    if covariance is not None:
+        covariance = covariance + np.diag([0.0] * 6 + [std_s**2])
+    return replace(given, time_offset_ns=given.time_offset_ns + round(1e9 * gain_s), covariance=covariance)
 
-    Clocks that run apart by 50 ppm are 3 ms further apart after a minute: what was found of the whole differs from what a part of
-    it says, and neither is wrong. Of another recording nobody knows since when they have.
-    """
-    instant = given.instant
-    if given.time_offset_ns is None or instant is None or found.time_offset_at_s is None:
-        return given
-    if not instant.sha256 or instant.sha256 != found.provenance.recording.sha256:
-        return given
-    gained_ns = round(1e3 * instant.rate_ppm * (found.time_offset_at_s - instant.at_s))
-    return replace(given, time_offset_ns=given.time_offset_ns + gained_ns)
+
+def offset_apart_s(first: CalibrationResult, second: CalibrationResult) -> float:
+    """The second's time offset less the first's, both as they are when the second holds; 0 where either has none."""
+    if first.time_offset_ns is None or second.time_offset_ns is None:
+        return 0.0
+    gain_s, _ = gained_s(instant_of(first), instant_of(second))
+    return (second.time_offset_ns - first.time_offset_ns) * 1e-9 - gain_s
 
 
 def axes_of(given: GivenExtrinsic, found: CalibrationResult, limits: Limits) -> list[AxisAudit]:

@@ -125,8 +125,9 @@ def _instant_of(document: dict[str, object]) -> Instant | None:
     provenance = document.get("provenance")
     recording = provenance.get("recording") if isinstance(provenance, dict) else None
     sha256 = recording.get("sha256") if isinstance(recording, dict) else None
-    at_s, rate_ppm = _number(document.get("time_offset_at_s")), _number(document.get("clock_rate_ppm"))
-    return None if not isinstance(sha256, str) or at_s is None or rate_ppm is None else Instant(sha256, at_s, rate_ppm)
+    at_s = _number(document.get("time_offset_at_s"))
+    rate_ppm, rate_std_ppm = _number(document.get("clock_rate_ppm")), _number(document.get("clock_rate_ppm_std"))
+    return None if not isinstance(sha256, str) or at_s is None else Instant(sha256, at_s, rate_ppm, rate_std_ppm)
 
 
 def _transform_of_document(transform: object) -> FloatArray:

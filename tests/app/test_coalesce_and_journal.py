@@ -6,12 +6,14 @@ import asyncio
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from types import SimpleNamespace
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.jobs.coalesce import Coalescer
 from app.jobs.journal import Journal
+from app.jobs.log import JobLogs
 from calib_core.events import LogEvent, StageEvent
 
 STAGES = ("read", "planes", "solve")
@@ -107,6 +109,20 @@ def test_a_limited_journal_keeps_numbers_while_it_forgets():
     assert (journal.oldest, journal.end) == (7, 10)
     assert journal.since(8) == ([(8, 88), (9, 99)], False)
     assert journal.since(0)[0][0] == (7, 77)
+
+
+def test_a_log_read_back_is_what_was_told(tmp_path):
+    """Oracle: the journal in memory, of words that a sensor's name may hold: U+0085 and U+2028 end lines for Python and not in
+    JSON. A crash cuts the last line off, within a letter. Mutations: splitlines; the file read as text; what was cut off kept."""
+    files = SimpleNamespace(job=lambda job_id: tmp_path / job_id)
+    logs = JobLogs(files)
+    for text in ("topic /imu\x85x \u2028", "\x0b\x0c\x1c\r", "Lidar à"):
+        logs.write("one", LogEvent(level="info", code="a.b", text=text))
+    told = logs.journal("one", live=True).since(0)[0]
+    path = tmp_path / "one" / "events.jsonl"
+    path.write_bytes(path.read_bytes() + '{"text": "à'.encode()[:-1])
+    assert JobLogs(files).journal("one", live=False).since(0)[0] == told
+    assert len(told) == 3
 
 
 def test_threads_that_tell_at_once_send_one_after_the_other_and_nothing_empty():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import socket
 import time
@@ -18,7 +19,7 @@ from app.cli.serving import address
 from app.errors import TooMany
 from app.scene import page
 from app.server import security, sessions, share
-from app.server.brake import FREE_TRIES, LONGEST_WAIT_S, Brake
+from app.server.brake import FORGET_S, FREE_TRIES, LONGEST_WAIT_S, Brake
 from app.server.headers import ALWAYS
 from app.server.patience import PatientH11
 from app.server.sessions import MOST_SESSIONS, Sessions
@@ -64,6 +65,17 @@ def test_a_session_is_open_for_its_time_and_over_a_restart_and_no_longer(tmp_pat
     assert path.stat().st_mode & 0o077 == 0
     clock.now_s += 101
     assert here.name_of(first) is None
+
+
+def test_a_session_that_has_ended_is_dropped(tmp_path):
+    """Oracle: the file, which grew with each login of a year. Mutation: all of them kept."""
+    clock, path = Clock(), tmp_path / "sessions.json"
+    here = Sessions(TOKEN, path, lifetime_s=100, clock=clock)
+    for _ in range(3):
+        here.begin("")
+    clock.now_s += 101
+    here.begin("")
+    assert len(json.loads(path.read_text())) == 1
 
 
 def test_a_login_ends_the_session_before_it(tmp_path):
@@ -122,7 +134,8 @@ def test_a_link_on_another_site_leads_in_once_and_not_in_a_circle(guarded):
 
 
 def test_wrong_tries_wait_longer_each_time_and_right_ones_wait_with_them():
-    """Oracle: waits read back with the clock in the hand. Mutations: no longest wait; a wait that never grows."""
+    """Oracle: waits read back with the clock in the hand. Mutations: no longest wait; a wait that never grows; wrong tries never
+    forgotten."""
     clock = Clock()
     brake = Brake(clock)
     waits = []
@@ -142,8 +155,10 @@ def test_wrong_tries_wait_longer_each_time_and_right_ones_wait_with_them():
     brake.check("10.0.0.2")
     with pytest.raises(TooMany):
         brake.check("10.0.0.1")
-    clock.now_s += 1000
-    brake.check("10.0.0.1")
+    clock.now_s += FORGET_S + 1
+    for _ in range(FREE_TRIES):
+        brake.check("10.0.0.1")
+        brake.wrong("10.0.0.1")
 
 
 def test_one_customer_of_an_ipv6_network_is_one_address():
@@ -166,6 +181,27 @@ def test_guessing_is_braked_and_open_sessions_are_not(tmp_path):
         braked = guesser.get("/api/info", params={"token": TOKEN})
         assert (braked.status_code, braked.json()["error"]["code"]) == (429, "token.wait")
         assert int(braked.headers["retry-after"]) >= 1
+        assert guest.get("/api/info").status_code == 200
+
+
+@pytest.mark.parametrize("path", sorted(security.OPEN_PATHS))
+def test_what_is_open_to_all_says_nothing_of_a_token(guarded, path):
+    """Guessing there was free: 200 wrong ones, then the right one had a session. Oracle: the answer to who shows nothing.
+    Mutation: the token compared once more where sessions begin, which these paths come to as well."""
+    with stranger(guarded) as http:
+        plain, shown = http.get(path), http.get(path, params={"token": TOKEN})
+        assert (shown.status_code, shown.content) == (plain.status_code, plain.content)
+        assert "set-cookie" not in shown.headers
+
+
+def test_guessing_out_of_an_open_session_is_braked_too(tmp_path):
+    """A session may be somebody else's, left in a browser; the token is more than it. Mutation: the token compared once
+    more where sessions begin, beside the brake."""
+    with serving(tmp_path, token=TOKEN) as live, stranger(live) as guest:
+        guest.get("/", params={"token": TOKEN})
+        codes = [guest.get("/", params={"token": f"wrong-{n}"}).status_code for n in range(FREE_TRIES + 1)]
+        assert codes == [200] * FREE_TRIES + [429]
+        assert guest.get("/", params={"token": TOKEN}).status_code == 429
         assert guest.get("/api/info").status_code == 200
 
 

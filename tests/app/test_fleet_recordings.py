@@ -60,6 +60,15 @@ def test_a_recording_that_a_list_spells_twice_is_run_once(tmp_path):
     assert find_recordings(listed) == [tmp_path / "deep" / ".." / "room.bag"]
 
 
+def test_a_path_of_a_list_ends_where_its_line_does(tmp_path):
+    """Oracle: a line of a file ends at a line feed, whoever wrote it; a name may hold what else ends lines for Python. Mutation:
+    splitlines."""
+    listed = tmp_path / "list.txt"
+    names = ["room\u2028one.bag", "hall\x85.bag", "yard.bag"]
+    listed.write_bytes("\r\n".join(names).encode())
+    assert find_recordings(listed) == [tmp_path / name for name in names]
+
+
 def test_a_list_may_come_through_a_pipe(tmp_path, monkeypatch):
     """It was told to be one recording. Mutations: a pipe is no list; its paths are taken from /dev/fd."""
     monkeypatch.chdir(tmp_path)

@@ -54,7 +54,7 @@ def test_the_scenes_keep_no_lock_of_what_nobody_uses(shared_live):
     """Oracle: the count. Mutation: a lock for every recording ever looked at, the deleted ones too."""
     recording_id = shared_live.ready()
     hub = shared_live.services.scenes
-    hub.dial(recording_id).close()
+    hub.dial(recording_id)[0].close()
     hub.open.close(recording_id)
     shared_live.http.delete(f"/api/recordings/{recording_id}")
     shared_live.wait(lambda: len(hub.open._locks) == 0)

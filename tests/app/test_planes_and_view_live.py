@@ -127,7 +127,7 @@ def test_a_click_in_the_scene_is_seen_by_the_other_browser(shared_live):
     """Oracle: the other browser's event stream and its next reading. Mutation: on_changed not connected: no event."""
     recording_id = shared_live.ready()
     hub = shared_live.services.scenes
-    hub.dial(recording_id).close()
+    hub.dial(recording_id)[0].close()
     before = shared_live.http.get(f"/api/recordings/{recording_id}/planes").json()
     found = []
     path = f"/api/recordings/{recording_id}/events"
@@ -157,7 +157,7 @@ def test_in_grow_mode_a_click_on_a_sheet_does_not_toggle(shared_live):
     shared_live.services.scenes.click_patch(recording_id, 0)
     assert shared_live.http.get(f"/api/recordings/{recording_id}/planes").json() == before
     away = np.array([0.0, 0.0, 50.0]), np.array([0.0, 0.0, 1.0])
-    shared_live.services.scenes.dial(recording_id).close()
+    shared_live.services.scenes.dial(recording_id)[0].close()
     shared_live.services.scenes.click_ray(recording_id, *away, modified=False)
     assert shared_live.http.get(f"/api/recordings/{recording_id}/planes").json() == before
 
@@ -237,7 +237,7 @@ def test_an_unknown_scene_is_closed_and_an_idle_one_goes_away(shared_live, solve
     with pytest.raises((InvalidStatus, ConnectionClosed)), shared_live.scene("0" * 32) as socket:
         socket.recv(timeout=5)
     hub = shared_live.services.scenes
-    hub.dial(solved[0]).close()
+    hub.dial(solved[0])[0].close()
     with shared_live.scene(solved[0]):
         shared_live.wait(lambda: hub.open.watchers(solved[0]) == 1)
         hub.open.close_idle(1e12)
@@ -262,7 +262,7 @@ def test_a_box_drawn_in_the_scene_restricts_and_is_undone(shared_live):
     recording_id = shared_live.ready()
     hub = shared_live.services.scenes
     url = f"/api/recordings/{recording_id}/planes"
-    hub.dial(recording_id).close()
+    hub.dial(recording_id)[0].close()
     first = shared_live.http.get(url).json()
     shared_live.http.post(f"/api/recordings/{recording_id}/view", json={"mode": "planes", "click": "restrict"})
     hub.click_patch(recording_id, 2)

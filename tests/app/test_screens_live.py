@@ -29,7 +29,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
     """One scene's lock is held here as a slow scene would. Mutation: one lock for all recordings: the other never answers."""
     other = shared_live.upload("any.bag")
     hub = shared_live.services.scenes
-    hub.dial(solved[0]).close()
+    hub.dial(solved[0])[0].close()
     answers = []
     with hub.open.locked(solved[0]):
         asking = threading.Thread(
@@ -40,7 +40,7 @@ def test_a_busy_recording_keeps_nobody_waiting_who_looks_at_another(shared_live,
         asking.start()
         asking.join(20)
         assert not asking.is_alive()
-        hub.dial(other).close()
+        hub.dial(other)[0].close()
     assert answers[0]["dark"] is True
     assert shared_live.http.get(f"/api/recordings/{solved[0]}/view").json()["dark"] is False
 

@@ -83,7 +83,8 @@ def test_where_it_leads_on_to_is_on_this_server(path):
     """Mutations: taking the path as it is: //evil.example is another host to a browser; not quoting it."""
     gate = Gatekeeper(app=None, settings=AppSettings(token=TOKEN), sessions=Sessions(TOKEN, NOWHERE, lifetime_s=9))
     scope = {"type": "http", "method": "GET", "path": path, "query_string": f"token={TOKEN}".encode(), "headers": []}
-    page = gate._begin(scope, Headers(scope=scope)).body.decode()
+    headers = Headers(scope=scope)
+    page = gate._begin(scope, headers, gate._check_token(scope, headers)).body.decode()
     target = page.split("url=", 1)[1].split('"', 1)[0]
     assert target.startswith("/")
     assert target[1] not in "/\\"

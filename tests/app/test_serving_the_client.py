@@ -67,8 +67,16 @@ def test_the_servers_own_addresses_are_never_the_page(site):
 
 @pytest.mark.parametrize("path", ["/../secret.txt", "/%2e%2e/secret.txt", "/assets/../../secret.txt"])
 def test_no_address_leads_out_of_the_folder(site, path):
-    """Mutation: dropping is_relative_to."""
+    """Mutation: what is asked for joined to the folder's path."""
     assert "secret" not in client_of(site).get(path).text
+
+
+@pytest.mark.parametrize("path", ["/%00", "/mark.svg%00", "/" + 300 * "x", "/" + 3000 * "x/", "/%ff", "/r/%ed%b3%bf"])
+def test_an_address_that_no_disk_takes_is_the_page(site, path):
+    """As any address that is no file's: a zero in a name, or a name too long, was a defect. Mutation: the same."""
+    answer = client_of(site).get(path)
+    assert (answer.status_code, answer.text[:15]) == (200, "<!doctype html>")
+    assert client_of(site).get(f"/assets{path}").status_code == 404
 
 
 def test_event_streams_are_not_compressed(site):

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core import api
-from calib_core.audit import run
+from calib_core.audit import compare, run
 from calib_core.audit.limits import Limits, read_limits
 from calib_core.audit.pose import GivenExtrinsic
 from calib_core.audit.report import AuditReport, AxisAudit
@@ -178,6 +178,38 @@ def test_clocks_that_run_apart_make_no_difference_within_one_recording(
     report = run.audit(room, given, Limits(), CalibrateSettings())
     (time,) = [axis for axis in report.axes if axis.axis == "dt"]
     assert time.difference == pytest.approx(difference_ms, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given_rate", "found_rate", "gained_ms", "std_ms"),
+    [
+        ((80.0, 2.0), (90.0, 10.0), 1.92, 0.048),
+        ((90.0, 10.0), (80.0, 2.0), 1.92, 0.048),
+        ((None, None), (80.0, 2.0), 1.92, 0.048),
+        ((80.0, None), (90.0, 10.0), 2.16, 0.24),
+        ((80.0, None), (None, None), 1.92, 0.0),
+    ],
+)
+def test_who_knows_the_clocks_best_carries_the_offset(
+    given_rate: tuple[float | None, ...], found_rate: tuple[float | None, ...], gained_ms: float, std_ms: float
+) -> None:
+    """The given result holds at 6 s, and what is found at 30 s: 24 s of a rate, and as unsure as that is. Mutations: the given
+    one's rate alone; the one that is less well known; its sigma left out, or taken where the other's rate is."""
+
+    def result(at_s: float, rate: tuple[float | None, ...]) -> CalibrationResult:
+        told = {"time_offset_at_s": at_s, "clock_rate_ppm": rate[0], "clock_rate_ppm_std": rate[1]}
+        return make_result(R, P, OFFSET_NS).model_copy(update=told)
+
+    first, second = result(6.0, given_rate), result(30.0, found_rate)
+    given = api.parse_extrinsic(first.to_json())
+    moved = compare.carried(given, second)
+    assert moved.time_offset_ns == OFFSET_NS + round(gained_ms * 1e6)
+    assert given.covariance is not None
+    assert moved.covariance is not None
+    widened = np.diag(moved.covariance - given.covariance)
+    np.testing.assert_allclose(widened, [0.0] * 6 + [(std_ms * 1e-3) ** 2], atol=1e-20)
+    assert api.time_offset_apart_s(first, second) == pytest.approx(-gained_ms * 1e-3, abs=1e-12)
+    assert api.time_offset_apart_s(second, first) == pytest.approx(gained_ms * 1e-3, abs=1e-12)
 
 
 def test_the_usual_slips_are_named() -> None:

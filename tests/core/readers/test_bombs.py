@@ -183,6 +183,23 @@ def test_a_compressed_file_is_unpacked_within_the_ratio(tmp_path: Path) -> None:
         decompressed_file(path, tmp_path)
 
 
+def test_a_compressed_file_is_unpacked_whole_of_however_many_frames(tmp_path: Path) -> None:
+    """As parallel compressors and `cat` write them, with frames among them that hold nothing; a cut one as far as it goes.
+    Oracle: the bytes. Mutations: the first frame's end taken for the file's, in silence; what came before a cut thrown away."""
+    first, second = bytes(range(256)) * 5000, np.random.default_rng(3).bytes(2_000_000)
+    nothing = struct.pack("<II", 0x184D2A50, 7) + b"nothing"
+    path = tmp_path / "room.mcap.zstd"
+    path.write_bytes(nothing + zstd.compress(first) + nothing + zstd.compress(second))
+    assert decompressed_file(path, tmp_path).read_bytes() == first + second
+    path.write_bytes(path.read_bytes()[:-500_000])
+    found = decompressed_file(path, tmp_path).read_bytes()
+    assert (first + second).startswith(found)
+    assert len(found) > len(first) + 1_000_000
+    path.write_bytes(path.read_bytes()[:20])
+    with pytest.raises(UnreadableRecording, match="not valid zstd"):
+        decompressed_file(path, tmp_path)
+
+
 def ros1_bomb(path: Path, size: int) -> None:
     """A regular bag of one chunk of zeros, bz2, with an index that points into it."""
     chunk = bz2.compress(bytes(size), 9)

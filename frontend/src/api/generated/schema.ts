@@ -721,7 +721,10 @@ export interface components {
         AnswerDifference: {
             /** Rotation Deg */
             rotation_deg: number;
-            /** Time Offset S */
+            /**
+             * Time Offset S
+             * @description at one instant: clocks run apart, and each answer's offset holds at its own
+             */
             time_offset_s: number;
             /** Translation M */
             translation_m: number;
@@ -3147,6 +3150,8 @@ export interface components {
          * @description One solve of the recording. `from_latest` is None for the latest itself and where either has no answer.
          */
         Run: {
+            /** @description why its result cannot be read: it lies damaged on the disk */
+            error?: components["schemas"]["ErrorFacts"] | null;
             from_latest?: components["schemas"]["AnswerDifference"] | null;
             job: components["schemas"]["Job"];
         };

@@ -22,7 +22,7 @@ interface CompareProps {
 }
 
 function answered(run: Run): boolean {
-  return run.job.result?.kind === "solve" && run.job.result.translation_m !== null;
+  return !run.error && run.job.result?.kind === "solve" && run.job.result.translation_m !== null;
 }
 
 function title(run: Run, runs: readonly Run[]): string {

@@ -51,6 +51,20 @@ export function rotationBetween(a: Matrix, b: Matrix): [number, number, number] 
   ];
 }
 
+/** What the time offset gains from where the first holds to where the second does, and its standard deviation [s]: clocks of one
+ *  recording that run apart; of two recordings nobody knows since when they have. As the server has it (`gained_s`). */
+function gained(first: CalibrationResult, second: CalibrationResult): { value: number; sigma: number } {
+  const [since, until] = [first.time_offset_at_s, second.time_offset_at_s];
+  const [one, other] = [first.provenance.recording.sha256, second.provenance.recording.sha256];
+  const known = [first, second]
+    .filter((result) => typeof result.clock_rate_ppm === "number")
+    .sort((a, b) => (a.clock_rate_ppm_std ?? Infinity) - (b.clock_rate_ppm_std ?? Infinity))[0];
+  if (typeof since !== "number" || typeof until !== "number" || one === "" || one !== other || !known)
+    return { value: 0, sigma: 0 };
+  const scale = 1e-6 * (until - since);
+  return { value: (known.clock_rate_ppm ?? 0) * scale, sigma: Math.abs((known.clock_rate_ppm_std ?? 0) * scale) };
+}
+
 /** How far the second answer is from the first, axis by axis; null where either has none. */
 export function differences(first: CalibrationResult, second: CalibrationResult): Difference[] | null {
   const [a, b] = [first.T_imu_lidar, second.T_imu_lidar];
@@ -59,6 +73,7 @@ export function differences(first: CalibrationResult, second: CalibrationResult)
   const deg = 180 / Math.PI;
   const both = (x: number | undefined, y: number | undefined) => Math.hypot(x ?? 0, y ?? 0);
   const axes = ["x", "y", "z"] as const;
+  const gain = gained(first, second);
   return [
     ...axes.map((axis, i): Difference => ({
       name: `Turn ${axis}`,
@@ -75,8 +90,8 @@ export function differences(first: CalibrationResult, second: CalibrationResult)
     {
       name: "Time offset",
       unit: "ms",
-      value: ((second.time_offset_s ?? 0) - (first.time_offset_s ?? 0)) * 1000,
-      sigma: both(ua.time_offset_std_s, ub.time_offset_std_s) * 1000,
+      value: ((second.time_offset_s ?? 0) - (first.time_offset_s ?? 0) - gain.value) * 1000,
+      sigma: Math.hypot(ua.time_offset_std_s, ub.time_offset_std_s, gain.sigma) * 1000,
     },
   ];
 }

@@ -14,7 +14,9 @@ export function calledRun(run: Run, runs: readonly Run[]): string {
 /** All runs, newest first, and how far the newest answer is from each. */
 export function History({ runs, shown }: { runs: readonly Run[]; shown: string }) {
   const now = useNow(30_000);
-  const latest = runs.findIndex((run) => run.job.result?.kind === "solve" && run.job.result.status !== "refused");
+  const latest = runs.findIndex(
+    ({ error, job }) => !error && job.result?.kind === "solve" && job.result.status !== "refused",
+  );
   return (
     <ol className={css.history}>
       {runs.map((run, i) => (
@@ -38,6 +40,7 @@ export function History({ runs, shown }: { runs: readonly Run[]; shown: string }
 }
 
 function toneOf(run: Run): Tone {
+  if (run.error) return "error";
   if (run.job.result?.kind !== "solve") return run.job.state === "failed" ? "error" : "info";
   return toneOfResult(run.job.result.status, run.job.result.codes ?? []);
 }
@@ -84,8 +87,9 @@ function planesText({ job }: Run): string {
   return planes === chosen ? told : `${told}, ${chosen} chosen`;
 }
 
-function difference(run: Run, latest: boolean): string {
+export function difference(run: Run, latest: boolean): string {
   const from = run.from_latest;
+  if (run.error) return run.error.text;
   if (run.job.state !== "done") return run.job.state_text;
   if (run.job.result?.kind === "solve" && run.job.result.status === "refused") return "refused";
   if (from === null || from === undefined) return latest ? "the newest answer" : "";
