@@ -257,9 +257,7 @@ def decompressed_file(file: Path, folder: Path) -> Path:
                         f"The file {file.name} unpacks to more than {room / 1e9:.2f} GB, more than there is room for or "
                         "than a recording does; unpack it by hand."
                     )
-        except EOFError:
-            pass  # the storage's reader says what is missing
-        except zstd.ZstdError as error:
+        except (zstd.ZstdError, EOFError) as error:  # of what there is the storage's reader says what is missing
             if sink.tell() == 0:
                 raise UnreadableRecording(f"The file {file.name} is not valid zstd; copy it again.") from error
     return out
