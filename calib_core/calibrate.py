@@ -19,6 +19,7 @@ from calib_core.document import document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.calibrate import calibrate_full
+from calib_core.full.one_clock import Stretch, on_one_clock
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare, require_length
@@ -134,8 +135,19 @@ def _answer_of_method(recording: Recording, question: Question) -> Answer:
 
         return calibrate_published(recording, question)
     require_length(recording, "a calibration", "; record for half a minute or more")
-    run = prepare(recording, question.settings, question.log, question.should_cancel)
-    return calibrate_full(replace(run, log=question.log), question.planes, question.guess, question.cache_dir)
+    log = question.log
+    before = log.snapshot()
+
+    def solve(stamped: Recording) -> Answer:
+        run = prepare(stamped, question.settings, log, question.should_cancel)
+        return calibrate_full(replace(run, log=log), question.planes, question.guess, question.cache_dir)
+
+    def begin_again(stretch: Stretch) -> None:
+        log.restore(before)
+        log(stretch.told(recording))
+
+    answer, stretch = on_one_clock(recording, solve, begin_again)
+    return answer if stretch is None else stretch.undone(answer, recording)
 
 
 def _of_one_side(side: Recording, recording: Recording, question: Question) -> Answer | None:

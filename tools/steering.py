@@ -60,6 +60,7 @@ RECORDS = (
     ("initialise", "calib_core/full/initialise/settings.py", "Agreeing"),
     ("initialise", "calib_core/full/initialise/settings.py", "Guiding"),
     ("initialise", "calib_core/full/initialise/settings.py", "Rotating"),
+    ("initialise", "calib_core/full/initialise/settings.py", "ClockRates"),
     ("initialise", "calib_core/full/initialise/settings.py", "Rigid"),
     ("initialise", "calib_core/full/initialise/settings.py", "Linear"),
     ("initialise", "calib_core/full/initialise/settings.py", "Signs"),

@@ -45,6 +45,7 @@ from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import stood_text, travelled
+from calib_core.full.one_clock import on_one_clock
 from calib_core.full.planes.propose import no_planes, scan_points
 from calib_core.full.planes.standing import Fault, fault_of
 from calib_core.full.prepare.prepare import prepare, require_length
@@ -147,7 +148,12 @@ def forecast(
         try:
             if not proposals.patches:
                 raise no_planes(recording.scans)
-            return _look(recording, np.asarray(points_per_scan), share, settings, proposals, tell, should_cancel)
+
+            def look(stamped: Recording) -> Outlook:
+                each = np.asarray(points_per_scan)
+                return _look(stamped, each, share, settings, proposals, tell, should_cancel)
+
+            return on_one_clock(recording, look)[0]
         except Refused as error:
             return Outlook(proposals, code=error.code, reason=str(error))
 

@@ -19,10 +19,12 @@ from calib_core.errors import Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.own_errors import lasers_of
 from calib_core.full.calibrate import calibrate_full
+from calib_core.full.one_clock import on_one_clock
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.imu.turned import turned_since
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM
 from calib_core.maps.accumulate import covers
+from calib_core.method import Answer
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings, Prior
 from calib_core.threads import one_blas_thread
@@ -118,10 +120,14 @@ def _solved_motion(
     should_cancel: ShouldCancel,
 ) -> Trajectory | None:
     """The motion by the joint solve; None where the recording does not give it."""
+
+    def solve(stamped: Recording) -> Answer:
+        return calibrate_full(prepare(stamped, settings, on_event, should_cancel), None, guess)
+
     try:
         require_length(recording, "the motion")
         with one_blas_thread():
-            return calibrate_full(prepare(recording, settings, on_event, should_cancel), None, guess).trajectory
+            return on_one_clock(recording, solve)[0].trajectory
     except Refused:
         return None
 

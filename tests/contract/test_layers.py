@@ -104,6 +104,7 @@ STAGES = (
     "assess",
     "attempts",
     "calibrate",
+    "one_clock",
     "foresight",
     "forecast",
     "known_extrinsic",

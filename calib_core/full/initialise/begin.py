@@ -23,6 +23,7 @@ from calib_core.full.initialise.agreement import (
     agreement,
 )
 from calib_core.full.initialise.by_pairs import pairs_start, tell_turns
+from calib_core.full.initialise.clock_rate import require_one_rate
 from calib_core.full.initialise.felt import GyroTurning, TrackCheck, check_track, told_rotation
 from calib_core.full.initialise.guide import Guide, ImuMotion
 from calib_core.full.initialise.proposed import choice_among, joined, matched
@@ -53,7 +54,7 @@ def begin(
 
     given: the person's planes, in the frame of the reference scan: the motion is told in that frame then, if they are a choice.
     proposals: the planes found, where that was done before.   at_fault: so much of the motion may have gone as the IMU has not
-    felt it.   Raises Refused with what could not be followed.
+    felt it.   Raises Refused with what could not be followed, ClocksApart where the clocks run at different rates.
     """
     found = proposals or propose_planes(
         run.recording, run.settings, on_event=run.on_event, should_cancel=run.should_cancel
@@ -65,6 +66,8 @@ def begin(
     if not planes:
         raise no_planes(run.recording.scans)
     near = follow(run, planes, reference, guide=partial(Guide, run), may_leave=False)
+    if not near.led:
+        require_one_rate(run, lidar_track(run, near))
     led = _led_throughout(run, near, planes, reference, at_fault) if near.led else None
     best, agreed = led or _by_planes(run, planes, reference, at_fault, None if near.led else near)
     refuse_lost(run, best, agreed)
@@ -132,7 +135,9 @@ def _by_planes(
     run: Run, planes: Sequence[Plane], reference: int, at_fault: float, near: Followed | None
 ) -> tuple[Followed, Agreement]:
     """The track by planes, with the IMU where that does not lead throughout or has gone astray. near: it, where known."""
-    near = near or follow(run, planes, reference, may_leave=False)
+    if near is None:  # it was led by the IMU, and not rightly
+        near = follow(run, planes, reference, may_leave=False)
+        require_one_rate(run, lidar_track(run, near))
     first = _led_on(run, near, planes, reference)
     pairs = cache(partial(pairs_start, run))  # some seconds
     aided, agreed = _aided(run, first, planes, reference, pairs)

@@ -61,7 +61,7 @@ def left_by(turns: LidarTurns, gyro: GyroTurns, offset_s: float, R_imu_lidar: Fl
     left = b[use] - turns.rate_rad_s[use] @ np.swapaxes(R_imu_lidar, 1, 2)
     left = left - np.median(left, axis=1)[:, None]
     size = np.linalg.norm(left, axis=2)
-    weight = _trusted(size[:1], np.ones((1, size.shape[1]), bool))[0]
+    weight = outlier_weights(size[:1], np.ones((1, size.shape[1]), bool))[0]
     spread = np.sum(weight * np.sum((b[use] - b[use].mean(axis=0)) ** 2, axis=1))
     return np.asarray(np.sqrt(np.sum(weight * size**2, axis=1) / spread))
 
@@ -135,10 +135,10 @@ def _fit_rotations(
     worth = use * (1.0 if turns.worth is None else turns.worth)
     worth = worth * (np.count_nonzero(use, axis=1) / worth.sum(axis=1))[:, None]
     R, bias, singular, size = _kabsch(a, b, worth)
-    weight = worth * _trusted(size, use)
+    weight = worth * outlier_weights(size, use)
     for _ in range(ROTATING.passes - 1):
         R, bias, singular, size = _kabsch(a, b, weight)
-        weight = worth * _trusted(size, use)
+        weight = worth * outlier_weights(size, use)
     total = weight.sum(axis=1)
     centred = b - (np.einsum("on,oni->oi", use, b) / np.count_nonzero(use, axis=1)[:, None])[:, None]
     spread = np.sqrt(np.sum(weight * np.sum(centred**2, axis=2), axis=1) / total)
@@ -171,7 +171,7 @@ def _kabsch(a: FloatArray, b: FloatArray, weight: FloatArray) -> tuple[FloatArra
     return R, bias, singular, np.linalg.norm(b - a @ np.swapaxes(R, 1, 2) - bias[:, None], axis=2)
 
 
-def _trusted(size: FloatArray, of: BoolArray) -> FloatArray:
+def outlier_weights(size: FloatArray, of: BoolArray) -> FloatArray:
     """The weight of each turn by what is left of it, beside the median of those of its row that count. size, of: (O, N)."""
     ordered = np.sort(np.where(of, size, np.inf), axis=1)
     count, row = np.count_nonzero(of, axis=1), np.arange(len(size))

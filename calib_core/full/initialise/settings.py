@@ -215,6 +215,37 @@ class Rotating:
 
 
 @dataclass(frozen=True, slots=True)
+class ClockRates:
+    """Whether the clocks run at rates that differ by more than crystals do."""
+
+    #: derived: five standard deviations of `CLOCK_RATE_STD_PPM`; the joint estimation's prior allows less.
+    least: float = 2e-4
+    #: derived: neighbouring turns share the errors of the scans between them, by which a scatter of their residuals is up to
+    #: twice too small; beyond three times that nothing is by chance.
+    sigmas: float = 6.0
+    #: derived: what a central difference of a rate that changes within 50 ms takes for its slope.
+    difference_s: float = 2e-3
+    #: derived: a motion that changes within 0.1 to 0.3 s is linear over this much; a rate of one per cent in a minute is
+    #: 0.3 s at its ends, as many steps away.
+    most_step_s: float = 0.05
+    rests_s: float = 1e-5
+    passes: int = 30
+    #: derived: within so much one per cent parts the clocks by less than a motion changes in, and it has enough turns for a lag.
+    part_s: float = 8.0
+    #: derived: beyond this the squares of what turns tell have half of a double's digits.
+    condition: float = 1e14
+    #: derived: a step is told from a line by five stretches or more, of which those count that tell a tenth of the median's.
+    stretches: int = 8
+    fewest_stretches: int = 5
+    telling: float = 0.1
+    #: derived: a step in the middle of eight stretches leaves a line a quarter of its squares, a line leaves such a step a
+    #: quarter.
+    nearer: float = 0.5
+    #: derived: how often a solve begins again: turns tell a rate to some hundred millionths, points what is left, and no more is.
+    stretched: int = 2
+
+
+@dataclass(frozen=True, slots=True)
 class Rigid:
     """Whether both sensors are fixed to one another."""
 
@@ -331,4 +362,5 @@ class Upright:
 
 
 LAGS, VECTORS, PROFILE, AGREEING, ROTATING = Lags(), Vectors(), Profile(), Agreeing(), Rotating()
+CLOCK_RATES = ClockRates()
 LINEAR, SIGNS, UPRIGHT, GUIDING, RIGID = Linear(), Signs(), Upright(), Guiding(), Rigid()

@@ -32,9 +32,15 @@ class LidarTurns:
     rate_rad_s: FloatArray
     worth: FloatArray | None = None
 
+    def between(self, first_s: float, last_s: float) -> LidarTurns:
+        """Those within a span of the lidar's time."""
+        some = (self.start_s >= first_s) & (self.end_s <= last_s)
+        worth = None if self.worth is None else self.worth[some]
+        return LidarTurns(self.start_s[some], self.end_s[some], self.rate_rad_s[some], worth)
+
 
 def turns_of(track: LidarTrack) -> list[LidarTurns]:
-    """Turns within the sweeps, where these last, and between scans one and three apart."""
+    """LidarTurns within the sweeps, where these last, and between scans one and three apart."""
     lasts = track.sweep_s > 0.0
     within = LidarTurns(track.start_s[lasts], (track.start_s + track.sweep_s)[lasts], track.omega_rad_s[lasts])
     out = [within] if lasts.any() else []

@@ -77,22 +77,25 @@ def require_points(points: int, planes: Sequence[str]) -> None:
 
 
 class SensorsAstray(Refused):
-    """A parameter of a sensor has left what sensors that work can have. block: which; times: its prior's deviation."""
+    """A parameter of a sensor has left what sensors that work can have. block: which.   value: in its unit.   times: that over
+    its prior's deviation.
+    """
 
-    def __init__(self, block: Block, times: float) -> None:
+    def __init__(self, block: Block, value: float, times: float) -> None:
         text = f"the solve needs a {block.replace('_', ' ')} {times:.0f} times as large as sensors of this kind have it; {_CURE}"
         super().__init__("solve.sensors_astray", text)
-        self.block = block
-        self.times = times
+        self.block, self.value, self.times = block, value, times
 
 
 def require_sensors(state: Estimation, most: float) -> None:
     """Raises SensorsAstray where a parameter is further from its prior than a sensor that works can be. For the end of a solve:
     on the way, with a door still among the planes, one may well go astray and come back."""
     for block in state.nuisance.sensors.blocks:
-        away = np.abs(state.estimate.sensors.of(block.block)) / block.prior_std
+        values = state.estimate.sensors.of(block.block)
+        away = np.abs(values) / block.prior_std
         if away.max(initial=0.0) > most:
-            raise SensorsAstray(sensor_block(block), float(away.max()))
+            worst = int(np.argmax(away))
+            raise SensorsAstray(sensor_block(block), float(values[worst]), float(away[worst]))
 
 
 def _require_near_start(data: JointData, state: Estimation) -> None:

@@ -187,7 +187,7 @@ def test_a_sensor_that_is_no_better_than_any_is_taken_for_any(monkeypatch: pytes
     Mutations: from the end on though a plane was lost; anew though none was; never a second time; judged by the sheet; for ever,
     whatever it ends with; where sensors are held or ideal; the held solve begun from what came before.
     """
-    astray = SensorsAstray("laser_elevation", 14.0)
+    astray = SensorsAstray("laser_elevation", 0.0126, 14.0)
 
     def of(*outcomes: Refused | str, **changes: str) -> tuple[list[str], list[str], Any]:
         mode = changes.pop("mode", "auto")
@@ -217,7 +217,7 @@ def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer
     """That a wall was left out, while it counts in the end. What goes on from an end has all that led there. Mutations: nothing
     unsaid; all, from the first word; what said that a sheet is not relied on; where it goes on from an end, too.
     """
-    astray, away = SensorsAstray("laser_elevation", 14.0), Refused("solve.offset_ran_away", "too far")
+    astray, away = SensorsAstray("laser_elevation", 0.0126, 14.0), Refused("solve.offset_ran_away", "too far")
 
     def told(*outcomes: Refused | str, counting: str = "floor") -> list[str]:
         document = MessageLog(lambda _: None, [Message(code="first", level="info", text="before")])

@@ -1,0 +1,106 @@
+"""A recording whose two clocks run at different rates is solved with the IMU's stamps stretched to the lidar's rate, and answered
+for its stamps as they are.
+
+    calibrate.py, forecast.py, known_extrinsic.py -> on_one_clock -> prepare, calibrate_full: ClocksApart
+                                                  -> again, with stretched stamps
+
+With t_lidar = s + o + k (t_lidar - t_m) a stamp s runs by 1 - k to the lidar's second: s' = a + (s - a) / (1 - k) runs alike,
+where a is where the lidar's middle t_m lies on the IMU's clock, whose offset stays what it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from calib_core.errors import Refused
+from calib_core.events import LogEvent
+from calib_core.full.initialise.clock_rate import ClocksApart
+from calib_core.full.initialise.settings import CLOCK_RATES
+from calib_core.method import Answer
+from calib_core.result import Intrinsic
+from calib_core.types import Recording
+
+_Solved = TypeVar("_Solved")
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """rate: k, that of the offset beside the lidar's time.   about_ns: a, the IMU's clock."""
+
+    rate: float
+    about_ns: int
+
+    def after(self, first: Stretch | None) -> Stretch:
+        """One that does what another did first, and this then."""
+        if first is None:
+            return self
+        return Stretch(_together(first.rate, self.rate), first.about_ns)
+
+    def applied(self, recording: Recording) -> Recording:
+        """The recording with the IMU's stamps stretched."""
+        away_ns = recording.imu.stamps_ns - self.about_ns
+        stamps_ns = self.about_ns + np.rint(away_ns / (1.0 - self.rate)).astype(np.int64)
+        return replace(recording, imu=replace(recording.imu, stamps_ns=stamps_ns))
+
+    def told(self, recording: Recording) -> LogEvent:
+        """The warning, with its evidence and the way around it."""
+        stamps_ns = recording.imu.stamps_ns
+        ms = 1e-6 * abs(self.rate) * float(stamps_ns[-1] - stamps_ns[0])
+        how = "slow" if self.rate > 0.0 else "fast"
+        text = (
+            f"the IMU's stamps run {abs(self.rate):.2%} {how} beside the lidar's, {ms:.0f} ms over the recording, as those do "
+            "that a driver counts up by a period that is not the sensor's own: they were stretched to one clock; let it stamp "
+            "readings as they come, or take them as they are by `--imu-sampling as-stamped`"
+        )
+        return LogEvent(level="warning", code="clock.rate", text=text)
+
+    def undone(self, answer: Answer, recording: Recording) -> Answer:
+        """The answer that was found with stretched stamps, for the recording's own."""
+        at_ns = recording.scans[0].stamp_ns + round(1e9 * (answer.time_offset_at_s or 0.0))
+        gained_ns = round(self.rate * (at_ns - answer.time_offset_ns - self.about_ns))
+        rate_ppm, std_ppm = answer.clock_rate_ppm or (0.0, 0.0)
+        whole_ppm = 1e6 * _together(self.rate, 1e-6 * rate_ppm)
+        return replace(
+            answer,
+            time_offset_ns=answer.time_offset_ns + gained_ns,
+            clock_rate_ppm=(whole_ppm, std_ppm),
+            intrinsics=tuple(_of_the_clock(each, whole_ppm) for each in answer.intrinsics),
+            remarks=tuple(said for said in answer.remarks if said.code != "sensor.clock"),
+        )
+
+
+def on_one_clock(
+    recording: Recording, solve: Callable[[Recording], _Solved], begin_again: Callable[[Stretch], None] | None = None
+) -> tuple[_Solved, Stretch | None]:
+    """What `solve` makes of the recording, or of it with the IMU's stamps stretched, and by what.
+
+    begin_again: told before each further attempt.   Raises what solve does, Refused where stretched stamps still run apart.
+    """
+    stretch: Stretch | None = None
+    for _ in range(1 + CLOCK_RATES.stretched):
+        try:
+            return solve(recording if stretch is None else stretch.applied(recording)), stretch
+        except ClocksApart as apart:
+            stretch = Stretch(apart.rate, apart.about_ns).after(stretch)
+            if begin_again is not None:
+                begin_again(stretch)
+    raise Refused(
+        "clock.rate",
+        "the IMU's stamps run at no rate beside the lidar's that stays: let its driver stamp readings as they come, or take them "
+        "as they are by `--imu-sampling as-stamped`",
+    )
+
+
+def _together(first: float, then: float) -> float:
+    """The rate of two, one after the other."""
+    return 1.0 - (1.0 - first) * (1.0 - then)
+
+
+def _of_the_clock(parameter: Intrinsic, rate_ppm: float) -> Intrinsic:
+    if parameter.block != "clock_rate":
+        return parameter
+    return parameter.model_copy(update={"value": rate_ppm, "significant": True})
