@@ -21,6 +21,7 @@ from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.clock_rate import ClocksApart, may_stretch
 from calib_core.full.initialise.proposed import tracked
+from calib_core.full.initialise.settings import CLOCK_RATES
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.begin import begin
 from calib_core.full.joint.bounds import SensorsAstray
@@ -99,7 +100,9 @@ def answered(run: Run, task: Task, further: Callable[[Run], Solved] | None = Non
         if not (unknown and refused.code.startswith("solve.")):
             raise
         if isinstance(refused, SensorsAstray) and refused.block == "clock_rate" and may_stretch(run):
-            raise ClocksApart(run, 1e-6 * refused.value, task.start.rotation.time_offset_s) from refused
+            rate = 1e-6 * refused.value
+            offset_s = task.start.rotation.time_offset_s
+            raise ClocksApart(run, rate, CLOCK_RATES.pulled * abs(rate), offset_s) from refused
         beyond = beyond_by(refused) if isinstance(refused, SensorsAstray) else None
         allowing = None if beyond is None else without_sheet(run, beyond)
     if from_there is None:

@@ -149,7 +149,7 @@ def forecast(
             if not proposals.patches:
                 raise no_planes(recording.scans)
 
-            def look(stamped: Recording) -> Outlook:
+            def look(stamped: Recording, _: float) -> Outlook:
                 each = np.asarray(points_per_scan)
                 return _look(stamped, each, share, settings, proposals, tell, should_cancel)
 

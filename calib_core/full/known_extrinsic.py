@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,8 +121,9 @@ def _solved_motion(
 ) -> Trajectory | None:
     """The motion by the joint solve; None where the recording does not give it."""
 
-    def solve(stamped: Recording) -> Answer:
-        return calibrate_full(prepare(stamped, settings, on_event, should_cancel), None, guess)
+    def solve(stamped: Recording, clock_rate_std_ppm: float) -> Answer:
+        run = prepare(stamped, settings, on_event, should_cancel)
+        return calibrate_full(replace(run, clock_rate_std_ppm=clock_rate_std_ppm), None, guess)
 
     try:
         require_length(recording, "the motion")

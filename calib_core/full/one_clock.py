@@ -10,6 +10,7 @@ where a is where the lidar's middle t_m lies on the IMU's clock, whose offset st
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TypeVar
@@ -20,25 +21,34 @@ from calib_core.errors import Refused
 from calib_core.events import LogEvent
 from calib_core.full.initialise.clock_rate import ClocksApart
 from calib_core.full.initialise.settings import CLOCK_RATES
+from calib_core.intrinsics import CLOCK_RATE_STD_PPM
 from calib_core.method import Answer
 from calib_core.result import Intrinsic
 from calib_core.types import Recording
 
+#: The code of what is said where clocks' rates differ.
+RATE = "clock.rate"
 _Solved = TypeVar("_Solved")
 
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """rate: k, that of the offset beside the lidar's time.   about_ns: a, the IMU's clock."""
+    """rate: k, that of the offset beside the lidar's time.   rate_std: how well it is known.   about_ns: a, the IMU's clock."""
 
     rate: float
+    rate_std: float
     about_ns: int
+
+    @property
+    def left_std_ppm(self) -> float:
+        """What the rates may still differ by."""
+        return math.hypot(CLOCK_RATE_STD_PPM, 1e6 * self.rate_std)
 
     def after(self, first: Stretch | None) -> Stretch:
         """One that does what another did first, and this then."""
         if first is None:
             return self
-        return Stretch(_together(first.rate, self.rate), first.about_ns)
+        return Stretch(_together(first.rate, self.rate), self.rate_std, first.about_ns)
 
     def applied(self, recording: Recording) -> Recording:
         """The recording with the IMU's stamps stretched."""
@@ -56,7 +66,12 @@ class Stretch:
             "that a driver counts up by a period that is not the sensor's own: they were stretched to one clock; let it stamp "
             "readings as they come, or take them as they are by `--imu-sampling as-stamped`"
         )
-        return LogEvent(level="warning", code="clock.rate", text=text)
+        return LogEvent(level="warning", code=RATE, text=text)
+
+    def found(self, answer: Answer) -> Stretch:
+        """The same with the rate of an answer for the recording's own stamps."""
+        rate_ppm, std_ppm = answer.clock_rate_ppm or (1e6 * self.rate, 1e6 * self.rate_std)
+        return Stretch(1e-6 * rate_ppm, 1e-6 * std_ppm, self.about_ns)
 
     def undone(self, answer: Answer, recording: Recording) -> Answer:
         """The answer that was found with stretched stamps, for the recording's own."""
@@ -74,22 +89,27 @@ class Stretch:
 
 
 def on_one_clock(
-    recording: Recording, solve: Callable[[Recording], _Solved], begin_again: Callable[[Stretch], None] | None = None
+    recording: Recording,
+    solve: Callable[[Recording, float], _Solved],
+    begin_again: Callable[[Stretch], None] | None = None,
 ) -> tuple[_Solved, Stretch | None]:
     """What `solve` makes of the recording, or of it with the IMU's stamps stretched, and by what.
 
-    begin_again: told before each further attempt.   Raises what solve does, Refused where stretched stamps still run apart.
+    solve: takes a recording, and by how much its clocks' rates may differ [ppm].   begin_again: told before each further attempt.
+    Raises what solve does, Refused where stretched stamps still run apart.
     """
     stretch: Stretch | None = None
     for _ in range(1 + CLOCK_RATES.stretched):
         try:
-            return solve(recording if stretch is None else stretch.applied(recording)), stretch
+            if stretch is None:
+                return solve(recording, CLOCK_RATE_STD_PPM), None
+            return solve(stretch.applied(recording), stretch.left_std_ppm), stretch
         except ClocksApart as apart:
-            stretch = Stretch(apart.rate, apart.about_ns).after(stretch)
+            stretch = Stretch(apart.rate, apart.rate_std, apart.about_ns).after(stretch)
             if begin_again is not None:
                 begin_again(stretch)
     raise Refused(
-        "clock.rate",
+        RATE,
         "the IMU's stamps run at no rate beside the lidar's that stays: let its driver stamp readings as they come, or take them "
         "as they are by `--imu-sampling as-stamped`",
     )

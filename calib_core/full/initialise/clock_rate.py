@@ -29,11 +29,12 @@ from calib_core.types import BoolArray, FloatArray
 class ClocksApart(Exception):
     """No time offset is right for the whole recording: t_lidar = t_imu + offset + rate (t_lidar - t_middle).
 
-    about_ns: where the middle lies on the IMU's clock; stretched about it, its stamps keep their offset there.
+    rate_std: how well the rate is known.   about_ns: where the middle lies on the IMU's clock; stretched about it, its stamps
+    keep their offset there.
     """
 
-    def __init__(self, run: Run, rate: float, time_offset_s: float) -> None:
-        self.rate = rate
+    def __init__(self, run: Run, rate: float, rate_std: float, time_offset_s: float) -> None:
+        self.rate, self.rate_std = rate, rate_std
         self.about_ns = run.clocks.imu_epoch_ns + round(1e9 * (run.clocks.middle_s - time_offset_s))
         super().__init__(f"the clocks run apart by {rate:.2%}")
 
@@ -70,7 +71,8 @@ def require_one_rate(run: Run, track: LidarTrack) -> None:
     if line is None or abs(line.rate) < max(CLOCK_RATES.least, CLOCK_RATES.sigmas * line.rate_std):
         return
     if is_line(turns, gyro, line):
-        raise ClocksApart(run, line.rate, float(line.at(np.array(run.clocks.middle_s))))
+        std = CLOCK_RATES.unsure * line.rate_std
+        raise ClocksApart(run, line.rate, std, float(line.at(np.array(run.clocks.middle_s))))
 
 
 def may_stretch(run: Run) -> bool:

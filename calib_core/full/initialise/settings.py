@@ -223,6 +223,9 @@ class ClockRates:
     #: derived: neighbouring turns share the errors of the scans between them, by which a scatter of their residuals is up to
     #: twice too small; beyond three times that nothing is by chance.
     sigmas: float = 6.0
+    unsure: float = 2.0
+    #: derived: what its prior has let the joint estimation find of a rate is short by less than half of it.
+    pulled: float = 0.5
     #: derived: what a central difference of a rate that changes within 50 ms takes for its slope.
     difference_s: float = 2e-3
     #: derived: a motion that changes within 0.1 to 0.3 s is linear over this much; a rate of one per cent in a minute is

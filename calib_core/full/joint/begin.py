@@ -17,7 +17,7 @@ from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate
 from calib_core.full.odometry.reference import Followed
-from calib_core.full.prepare.nuisance import nuisance_of
+from calib_core.full.prepare.nuisance import unknowns_of
 from calib_core.full.run import Run
 from calib_core.imu.coarse import allowed_for_steps, coarse_density2
 from calib_core.imu.preintegration import knot_spacing_s, upsample
@@ -113,7 +113,7 @@ def begin(
     )
     spacing_s = readings.spacing_s
     most_rounds = schedule.most_rounds(inside * spacing_s, len(whole) * spacing_s, run.settings.max_rounds)
-    sensors = nuisance_of(run.recording, run.settings, run.beyond_sheets)
+    sensors = unknowns_of(run)
     data = JointData(
         run,
         readings,

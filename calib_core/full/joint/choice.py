@@ -18,7 +18,7 @@ from calib_core.full.joint.present import map_pose
 from calib_core.full.joint.round import anchored
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.odometry.reference import Followed
-from calib_core.full.prepare.nuisance import nuisance_of
+from calib_core.full.prepare.nuisance import unknowns_of
 from calib_core.full.run import Run
 from calib_core.types import FloatArray, Plane
 
@@ -32,7 +32,7 @@ def with_choice(
     What joined on the way counts where the schedule lets planes join. All others are put aside: what lies near them is theirs.
     """
     data, state, which = motion
-    sensors = nuisance_of(run.recording, run.settings, run.beyond_sheets)
+    sensors = unknowns_of(run)
     data = replace(data, run=run, limits=schedule.limits, sensors=sensors, dropped=track.dropped)
     held = not run.settings.estimate_planes
     if held:  # the frame is that of the planes given

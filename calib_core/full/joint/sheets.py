@@ -14,7 +14,7 @@ import scipy
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.settings import SHEETS
-from calib_core.full.prepare.nuisance import nuisance_of, sensor_block
+from calib_core.full.prepare.nuisance import sensor_block, unknowns_of
 from calib_core.full.run import Run
 from calib_core.intrinsics import KINDS, Block, Sensor
 from calib_core.presets import find_imu_preset, find_lidar_preset
@@ -66,7 +66,7 @@ def without_sheet(run: Run, beyond: Beyond) -> Run | None:
     if sensor is None or sensor in run.beyond_sheets:
         return None
     allowing = replace(run, beyond_sheets=run.beyond_sheets | {sensor})
-    before, after = (nuisance_of(each.recording, each.settings, each.beyond_sheets) for each in (run, allowing))
+    before, after = (unknowns_of(each) for each in (run, allowing))
     if after.values(after.prior_std, beyond.block).max() <= before.values(before.prior_std, beyond.block).max():
         return None
     return allowing

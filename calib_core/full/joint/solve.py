@@ -38,7 +38,7 @@ from calib_core.full.joint.surface import (
 )
 from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones
 from calib_core.full.joint.walks import say_walks, with_walks_told
-from calib_core.full.prepare.nuisance import Nuisance, nuisance_of
+from calib_core.full.prepare.nuisance import Nuisance, unknowns_of
 from calib_core.full.run import Run
 from calib_core.solver.broken_down import arithmetic_or_refused
 from calib_core.solver.levenberg import SharedEquations
@@ -95,7 +95,7 @@ def estimate_further(run: Run, solved: Solved, schedule: Schedule) -> Solved:
     What would run away with them while the motion is rough, does not when all else is known.
     """
     assert schedule.settling is not None
-    sensors = nuisance_of(run.recording, run.settings, run.beyond_sheets)
+    sensors = unknowns_of(run)
     data = replace(solved.data, run=run, sensors=sensors)
     state = admit_materials(data, replace(solved.state.with_priors_of(sensors), rounds=0))
     return at_rest(data, settle(data, state, schedule.settling, schedule.sampling), schedule)

@@ -16,6 +16,7 @@ import numpy as np
 
 from calib_core.factors.patches import SurfacePatches
 from calib_core.full.prepare.settings import LASERS, TONES
+from calib_core.full.run import Run
 from calib_core.intrinsics import (
     AXES,
     CLOCK_RATE_STD_PPM,
@@ -288,25 +289,39 @@ def priors_of(
     )
 
 
-def nuisance_of(
-    recording: Recording, settings: CalibrateSettings, beyond_sheets: frozenset[Sensor] = frozenset()
-) -> Nuisance:
-    """The parameters of a recording's own sensors that are unknowns beside the calibration, by settings and presets.
+def unknowns_of(run: Run) -> Nuisance:
+    """The parameters of a run's own sensors that are unknowns beside the calibration."""
+    return nuisance_of(run.recording, run.settings, run.beyond_sheets, run.clock_rate_std_ppm)
 
-    beyond_sheets: sensors that are further off than the sheets of their kind have them.
+
+def nuisance_of(
+    recording: Recording,
+    settings: CalibrateSettings,
+    beyond_sheets: frozenset[Sensor] = frozenset(),
+    clock_rate_std_ppm: float = CLOCK_RATE_STD_PPM,
+) -> Nuisance:
+    """The same by settings and presets.
+
+    beyond_sheets: sensors that are further off than the sheets of their kind have them.   clock_rate_std_ppm: beyond what
+    crystals do where the clocks have shown to part by more; then their rate is an unknown whatever the settings say of sensors.
     """
-    if settings.intrinsics == "off":
+    parts = clock_rate_std_ppm > CLOCK_RATE_STD_PPM
+    if settings.intrinsics == "off" and not parts:
         return Nuisance()
     lasers, spins = count_lasers(recording.scans)
     imu, lidar = priors_of(recording, settings, beyond_sheets)
     if not spins:
         lidar = replace(lidar, eccentricity_std_rad=0.0)
     wanted = None if isinstance(settings.intrinsics, str) else settings.intrinsics
+    if settings.intrinsics == "off":
+        wanted = ("clock_rate",)
+    elif wanted is not None and parts:
+        wanted = (*wanted, "clock_rate")
     return choose_nuisance(
         imu,
         lidar,
         lasers=lasers,
-        clock_rate_std_ppm=CLOCK_RATE_STD_PPM,
+        clock_rate_std_ppm=clock_rate_std_ppm,
         wanted=wanted,
     )
 

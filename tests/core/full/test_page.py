@@ -11,6 +11,7 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.full import attempts as page
+from calib_core.full.initialise.clock_rate import ClocksApart
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.joint.sheets import Beyond
@@ -209,6 +210,30 @@ def test_a_sensor_that_is_no_better_than_any_is_taken_for_any(monkeypatch: pytes
     for mode in ("off", "consider"):
         assert of("beyond", mode=mode) == ([mode], [], (mode, "beyond"))
         assert of(astray, mode=mode) == ([mode], [], astray.code)
+
+
+def test_a_clock_that_runs_away_is_stretched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By what the solve has found, of which its prior has kept up to a half; not where stamps are to be taken as they are.
+
+    Mutations: the rate's sign; held with the sensors; stretched whatever the settings say.
+    """
+    clocks = SimpleNamespace(imu_epoch_ns=5, middle_s=3.0)
+    task: Any = SimpleNamespace(start=SimpleNamespace(rotation=SimpleNamespace(time_offset_s=1.0)))
+
+    def refused(*_: object) -> None:
+        raise SensorsAstray("clock_rate", -800.0, 20.0)
+
+    def run(settings: CalibrateSettings) -> Any:
+        return SimpleNamespace(settings=settings, clocks=clocks, attempt=lambda: lambda: None)
+
+    monkeypatch.setattr(page, "solve", refused)
+    monkeypatch.setattr(page, "with_sensors_held", lambda *_: "held")
+    with pytest.raises(ClocksApart) as apart:
+        page.answered(run(CalibrateSettings()), task)
+    assert (apart.value.rate, apart.value.rate_std) == pytest.approx((-8e-4, 4e-4))
+    assert apart.value.about_ns == 2_000_000_005
+    held: Any = page.answered(run(CalibrateSettings(imu_sampling="as-stamped")), task)
+    assert held == "held"
 
 
 def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer(

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import get_args
+from typing import Literal, get_args
 
 import numpy as np
 import pytest
 
 from calib_core.full.prepare.nuisance import choose_nuisance, count_lasers, nuisance_of
 from calib_core.full.prepare.settings import LASERS
-from calib_core.intrinsics import KINDS, UNKNOWN_IMU, UNKNOWN_LIDAR, Block, Owner, blocks_of
+from calib_core.intrinsics import CLOCK_RATE_STD_PPM, KINDS, UNKNOWN_IMU, UNKNOWN_LIDAR, Block, Owner, blocks_of
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
-from calib_core.types import POINT_DTYPE, Recording, Scan
+from calib_core.types import POINT_DTYPE, FloatArray, Recording, Scan
 
 
 def _scan(ring: np.ndarray, xyz: np.ndarray) -> Scan:
@@ -94,3 +94,20 @@ def test_every_block_has_its_row() -> None:
     assert tuple(KINDS) == get_args(Block)
     assert tuple(each for owner in get_args(Owner) for each in blocks_of(owner)) == tuple(KINDS)
     assert all(kind.names or kind.owner == "laser" for kind in KINDS.values())
+
+
+def test_clocks_that_part_by_more_than_crystals_have_an_unknown_rate_whatever_is_asked(
+    noisy: tuple[Recording, Truth],
+) -> None:
+    """Mutations: none with ideal sensors, whose answer turns alone would put on one clock; none beside others that are named."""
+    recording = noisy[0]
+
+    def of(intrinsics: Literal["off", "auto"] | tuple[Block, ...], std_ppm: float) -> dict[str, FloatArray]:
+        found = nuisance_of(recording, CalibrateSettings(intrinsics=intrinsics), clock_rate_std_ppm=std_ppm)
+        return {block.block: block.prior_std for block in found.blocks}
+
+    assert of("off", CLOCK_RATE_STD_PPM) == {}
+    assert of("off", 90.0)["clock_rate"] == pytest.approx([90.0])
+    assert len(of("off", 90.0)) == 1
+    assert set(of(("incidence",), 90.0)) == {"incidence", "clock_rate"}
+    assert of("auto", 90.0)["clock_rate"] == pytest.approx([90.0])
