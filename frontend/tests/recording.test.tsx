@@ -4,6 +4,7 @@ import { render, screen } from "@testing-library/react";
 import { describe, expect, it, vi } from "vitest";
 import type { DoctorReport, Recording } from "../src/api/client";
 import { Report } from "../src/features/recording/report";
+import { isNoRecording } from "../src/features/recording/screen";
 import { openChoices, Sensors } from "../src/features/recording/sensors";
 
 // Plots want a canvas, which jsdom has none of.
@@ -113,4 +114,14 @@ describe("several sensors that fit", () => {
       { lidar_topic: "/rear" },
     ]);
   });
+});
+
+// Seen: of a text file that was called .bag, a form was offered with the units of its gyroscope. Fails when any refusal is taken for
+// that, or one of a file whose topics were read.
+it("knows a file that is no recording from one that is read wrongly", () => {
+  const error = { code: "recording.unreadable", text: "", details: null };
+  expect(isNoRecording({ error, report: null })).toBe(true);
+  expect(isNoRecording({ error, report: whole })).toBe(false);
+  expect(isNoRecording({ error: { ...error, code: "recording.topic" }, report: null })).toBe(false);
+  expect(isNoRecording({ error: null, report: null })).toBe(false);
 });

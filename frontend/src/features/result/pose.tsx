@@ -95,10 +95,10 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
       </div>
       <p className="dim small">
         The bar is one standard deviation, the line across it{" "}
-        {own === null ? "the limit of a weak answer" : "your own limit"} ({shortLimits(limits)}). R = Rz(yaw) Ry(pitch) Rx(roll); how sure it is, turns about the {from}&rsquo;s
-        own axes say. A reading stamped t
-        by the IMU was taken at t {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the lidar&rsquo;s
-        clock{clockText(result)}.
+        {own === null ? "the limit of a weak answer" : "your own limit"} ({shortLimits(limits)}). R = Rz(yaw) Ry(pitch)
+        Rx(roll); how sure it is, turns about the {from}&rsquo;s own axes say. A reading stamped t by the IMU was taken
+        at t {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the lidar&rsquo;s clock
+        {clockText(result)}.
       </p>
       <div className={css.copies}>
         <CopyBox
