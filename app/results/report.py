@@ -80,8 +80,8 @@ def _template() -> Template:
 def _rows(result: CalibrationResult) -> list[tuple[str, str, str]]:
     """Name with the unit, value, one sigma.
 
-    Roll, pitch and yaw have none: the sigmas are of turns about the lidar's axes, and once the lidar lies on its side its x is not what
-    it rolls about.
+    Roll, pitch and yaw have none: the sigmas are of turns about the lidar's axes, and once the lidar lies on its side its x is
+    not what it rolls about.
     """
     transform, uncertainty, time_offset_s = result.T_imu_lidar, result.uncertainty, result.time_offset_s
     if transform is None or uncertainty is None or time_offset_s is None:

@@ -3,7 +3,7 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { render, screen } from "@testing-library/react";
 import { describe, expect, it, vi } from "vitest";
 import type { DoctorReport, Recording } from "../src/api/client";
-import { Report } from "../src/features/recording/report";
+import { Report, settledFindings } from "../src/features/recording/report";
 import { isNoRecording } from "../src/features/recording/screen";
 import { openChoices, Sensors } from "../src/features/recording/sensors";
 
@@ -124,4 +124,15 @@ it("knows a file that is no recording from one that is read wrongly", () => {
   expect(isNoRecording({ error, report: whole })).toBe(false);
   expect(isNoRecording({ error: { ...error, code: "recording.topic" }, report: null })).toBe(false);
   expect(isNoRecording({ error: null, report: null })).toBe(false);
+});
+
+// Seen: of two lidars, with none chosen, "25 % sure" of rad/s, and a button that makes it wrong. Fails when a guess that the lidar will
+// settle is shown; when what is sure is not; when it is hidden for good.
+it("asks for no unit that the lidar will tell once it is chosen", () => {
+  const finding = { ...whole.findings[0]!, code: "imu.gyroscope_unit", confidence: 0.25 };
+  const told = { lidar: null, lidar_candidates: ["/a", "/b"], findings: [finding] };
+  expect(settledFindings(told)).toEqual([]);
+  expect(settledFindings({ ...told, findings: [{ ...finding, confidence: 1 }] })).toHaveLength(1);
+  expect(settledFindings({ ...told, lidar_candidates: ["/a"] })).toHaveLength(1);
+  expect(settledFindings({ ...told, lidar: {} as never })).toHaveLength(1);
 });
