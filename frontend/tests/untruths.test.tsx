@@ -37,6 +37,7 @@ describe("what to do now", () => {
     const result = {
       status: "refused",
       observability: { advice: [] },
+      quality: { planes: [] },
       messages: [
         {
           level: "warning",

@@ -165,7 +165,10 @@ function Uploading({ recording }: { recording: Recording }) {
         )}
         {upload === undefined ? (
           <>
-            <p>Choose or drop the same file again, {recording.name}: it goes on where it stopped.</p>
+            <p>
+              Choose or drop the same file again, {recording.name}:{" "}
+              {sent === 0 ? "it begins anew, for none of it had arrived." : "it goes on from there."}
+            </p>
             <div className={css.uploadActions}>
               <Button size="compact-sm" leftSection={<Icon name="file" size={13} />} onClick={chooseFile}>
                 Choose the file

@@ -72,7 +72,7 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
               <NumberRow
                 key={`turn ${axis}`}
                 axis={axis}
-                name={`Turn about ${from} ${axis}`}
+                name={`About ${from} ${axis}`}
                 text={{ ...withSigma(0, pose.rotationStdDeg[i] ?? 0, "°"), value: "" }}
                 share={(pose.rotationStdDeg[i] ?? 0) / limits.rotation_deg}
               />

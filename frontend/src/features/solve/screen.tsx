@@ -112,7 +112,7 @@ export function SolveScreen() {
                 loading={retry.isPending}
                 onClick={() => retry.mutate(jobId, { onSuccess: follow })}
               >
-                Run again
+                Once more as it was
               </Button>
             }
           >
