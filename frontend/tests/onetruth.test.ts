@@ -170,16 +170,12 @@ describe("the next step of a refusal", () => {
   // Seen: with one plane kept of six, "Record again" came first and nothing said that five were dropped. Fails when planes are asked for
   // where those that counted face three ways, or where none that was found would help.
   it("of a weak answer with planes that were left out puts these first", () => {
-    const [x, y, z] = [
-      [1, 0, 0],
-      [0, 1, 0],
-      [0, 0.1, 0.995],
-    ].map((normal) => ({ normal }));
-    const all = [x!, y!, z!, x!];
-    expect(missedPlanes([x!], all)).toBe(3);
-    expect(missedPlanes([x!, y!], all)).toBe(2);
-    expect(missedPlanes([x!, y!, z!], all)).toBe(0);
-    expect(missedPlanes([x!], [x!, y!, x!])).toBe(0);
+    const [x, y, z] = [{ normal: [1, 0, 0] }, { normal: [0, 1, 0] }, { normal: [0, 0.1, 0.995] }] as const;
+    const all = [x, y, z, x];
+    expect(missedPlanes([x], all)).toBe(3);
+    expect(missedPlanes([x, y], all)).toBe(2);
+    expect(missedPlanes([x, y, z], all)).toBe(0);
+    expect(missedPlanes([x], [x, y, x])).toBe(0);
     expect(firstStep("weak", [], null, 3)).toBe("planes");
     expect(firstStep("weak", [], null, 0)).toBe("record");
     expect(firstStep("calibrated", [], null, 3)).toBeNull();

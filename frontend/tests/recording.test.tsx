@@ -129,7 +129,8 @@ it("knows a file that is no recording from one that is read wrongly", () => {
 // Seen: of two lidars, with none chosen, "25 % sure" of rad/s, and a button that makes it wrong. Fails when a guess that the lidar will
 // settle is shown; when what is sure is not; when it is hidden for good.
 it("asks for no unit that the lidar will tell once it is chosen", () => {
-  const finding = { ...whole.findings[0]!, code: "imu.gyroscope_unit", confidence: 0.25 };
+  const [recognised] = whole.findings.map((one) => ({ ...one, code: "imu.gyroscope_unit", confidence: 0.25 }));
+  const finding = recognised as DoctorReport["findings"][number];
   const told = { lidar: null, lidar_candidates: ["/a", "/b"], findings: [finding] };
   expect(settledFindings(told)).toEqual([]);
   expect(settledFindings({ ...told, findings: [{ ...finding, confidence: 1 }] })).toHaveLength(1);

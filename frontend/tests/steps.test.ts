@@ -38,7 +38,10 @@ describe("a recording without one of the sensors", () => {
   // is ticked off, when a step is open that leads nowhere, or when one of which an IMU has yet to be chosen is taken for such.
   it("opens no step after it, and is not done with", () => {
     expect(ticked(without, undefined, [], "")).toEqual([]);
-    expect(stepsOf(without, undefined, [], "").map(({ state }) => state)).toEqual(["open", ...Array(4).fill("locked")]);
+    expect(stepsOf(without, undefined, [], "").map(({ state }) => state)).toEqual([
+      "open",
+      ...Array<string>(4).fill("locked"),
+    ]);
     expect(stepsOf(without, undefined, [], "")[1]?.reason).toMatch(/lacks one of the two sensors/);
     expect(stepsOf(toChoose, undefined, [], "")[1]?.state).toBe("open");
   });

@@ -222,7 +222,10 @@ function drawBars(chart: uPlot, lines: readonly Line[]) {
       if (value === null || at === undefined || sigma === null || sigma === undefined) return;
       const x = chart.valToPos(at, "x", true) + aside;
       const off = beyond(value, chart.scales["y"]?.min ?? value, chart.scales["y"]?.max ?? value);
-      if (off !== 0) return drawArrow(ctx, x, off > 0 ? bbox.top : bbox.top + bbox.height, off, dot);
+      if (off !== 0) {
+        drawArrow(ctx, x, off > 0 ? bbox.top : bbox.top + bbox.height, off, dot);
+        return;
+      }
       ctx.beginPath();
       ctx.moveTo(x, chart.valToPos(value - sigma, "y", true));
       ctx.lineTo(x, chart.valToPos(value + sigma, "y", true));
