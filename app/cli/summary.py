@@ -48,7 +48,8 @@ def _numbers(
         table.add_column(axis, justify="right", min_width=10)
     table.add_column("")
     turns, places = uncertainty.rotation_std_deg, uncertainty.translation_std_m
-    table.add_row("rotation (roll, pitch, yaw)", *_row(value_row(transform.euler_xyz_deg, turns, "deg")))
+    # None of the three has a sigma of its own: to the digits that the surest turn deserves.
+    table.add_row("rotation (roll, pitch, yaw)", *_row(value_row(transform.euler_xyz_deg, [min(turns)] * 3, "deg")))
     table.add_row("  [dim]1 sigma, about the lidar's axes[/]", *_row(std_row(turns, "deg")))
     table.add_row("translation (lidar seen from the IMU)", *_row(value_row(transform.translation_m, places, "m")))
     table.add_row("  [dim]1 sigma, along the IMU's axes[/]", *_row(std_row(places, "m")))

@@ -1,7 +1,7 @@
 """Colours that colour-blind people can tell apart: eight hues for planes, a sequential and a diverging scale.
 
 The hues are those of Okabe and Ito (2008) without black. The sequential scale runs from dark blue to bright yellow,
-so lightness alone carries it; the diverging one from blue through near-white to orange.
+so lightness alone carries it; the diverging one from blue through near-white, or near-black on a light background, to orange.
 """
 
 from __future__ import annotations
@@ -37,7 +37,13 @@ FAINT_SHARE = 0.3
 _SEQUENTIAL = np.array(
     [(20, 30, 100), (60, 90, 140), (120, 125, 125), (190, 165, 85), (253, 231, 55)], dtype=np.float64
 )
-_DIVERGING = np.array([(0, 90, 170), (110, 170, 215), (235, 235, 230), (240, 170, 90), (200, 80, 0)], dtype=np.float64)
+#: By whether the background is dark: the middle has to stand off it, for what is right would be drawn in the background's colour.
+_DIVERGING = {
+    True: np.array([(0, 90, 170), (110, 170, 215), (235, 235, 230), (240, 170, 90), (200, 80, 0)], dtype=np.float64),
+    False: np.array([(0, 110, 225), (20, 75, 140), (45, 48, 52), (130, 70, 20), (205, 80, 0)], dtype=np.float64),
+}
+#: What the middle is called.
+ZERO = {True: "white", False: "black"}
 
 
 def plane_rgb(place: int) -> Rgb:
@@ -72,9 +78,9 @@ def sequential(values: Float32Array, low: float, high: float) -> Colors:
     return _scale(_SEQUENTIAL, values, low, high)
 
 
-def diverging(values: Float32Array, half: float) -> Colors:
-    """(N, 3) colours of signed values (N,) between -half and half; NaN is grey."""
-    return _scale(_DIVERGING, values, -half, half)
+def diverging(values: Float32Array, half: float, *, dark: bool = True) -> Colors:
+    """(N, 3) colours of signed values (N,) between -half and half; NaN is grey. dark: the background is."""
+    return _scale(_DIVERGING[dark], values, -half, half)
 
 
 def uniform(count: int, rgb: Rgb) -> Colors:

@@ -8,7 +8,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from app.planes.geometry import LEAST_EIGENVALUE, spread_of_directions
+from app.planes.geometry import LEAST_EIGENVALUE, SAME_DIRECTION_COS, spread_of_directions
 from app.planes.palette import plane_hex
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet
 from app.schemas.planes import Determinacy, Foreseen, Patch, Planes
@@ -27,8 +27,8 @@ def wire_planes(
     seems wrong with a proposal, by its place.
     """
     fixed = determinacy(history.current, up)
-    if known is not None and not fixed.ok:
-        known = known.model_copy(update={"text": ""})  # what is missing is said there
+    if not fixed.ok:
+        known = None  # of a solve that cannot follow the motion no figure is foreseen; what is missing is said there
     vertical = np.array([0.0, 0.0, 1.0]) if up is None else up
     return Planes(
         patches=[
@@ -74,6 +74,9 @@ def determinacy(planes: PlaneSet, up: FloatArray | None = None) -> Determinacy:
         text = f"{len(normals)} confirmed planes fix all three directions."
     elif len(normals) == 0:
         text = "No plane is confirmed: confirm at least three that face different ways."
+    elif np.all(np.abs(normals @ normals[0]) > SAME_DIRECTION_COS):
+        which = "The confirmed plane fixes" if len(normals) == 1 else "The confirmed planes face one way and fix"
+        text = f"{which} one direction of three: confirm two more, facing two other ways."
     else:
         text = f"Nothing fixes motion {_words(free, up)}: confirm a plane that faces that way."
     return Determinacy(ok=ok, text=text, smallest_eigenvalue=eigenvalue)

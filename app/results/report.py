@@ -77,29 +77,30 @@ def _template() -> Template:
     return environment.get_template("report.html.jinja")
 
 
-def _rows(result: CalibrationResult) -> list[tuple[str, str, str, str]]:
-    """Name with the unit, value, one sigma, and of what that is."""
+def _rows(result: CalibrationResult) -> list[tuple[str, str, str]]:
+    """Name with the unit, value, one sigma.
+
+    Roll, pitch and yaw have none: the sigmas are of turns about the lidar's axes, and once the lidar lies on its side its x is
+    not what it rolls about.
+    """
     transform, uncertainty, time_offset_s = result.T_imu_lidar, result.uncertainty, result.time_offset_s
     if transform is None or uncertainty is None or time_offset_s is None:
         return []
-    turns = zip(("Roll", "Pitch", "Yaw"), "xyz", transform.euler_xyz_deg, uncertainty.rotation_std_deg, strict=True)
-    rows = [_row(name, v, std, "deg", f"turn about the lidar's {axis}") for name, axis, v, std in turns]
-    places = zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
-    rows += [_row(f"Position {axis}", v, std, "m", f"shift along the IMU's {axis}") for axis, v, std in places]
-    return [
-        *rows,
-        _row("Time offset", time_offset_s, sigma_of_offset(result), "s", "time between the clocks"),
+    turns = uncertainty.rotation_std_deg
+    angles = zip(("Roll", "Pitch", "Yaw"), transform.euler_xyz_deg, strict=True)
+    rows = [(f"{name} [deg]", value_text(angle, min(turns), "deg")[0], "") for name, angle in angles]
+    rows += [
+        (f"Turn about the lidar's {axis} [deg]", "", std_text(std, "deg").removesuffix(" deg"))
+        for axis, std in zip("xyz", turns, strict=True)
     ]
+    places = zip("xyz", transform.translation_m, uncertainty.translation_std_m, strict=True)
+    rows += [_row(f"Position along the IMU's {axis}", v, std, "m") for axis, v, std in places]
+    return [*rows, _row("Time offset", time_offset_s, sigma_of_offset(result), "s")]
 
 
-def _row(name: str, value: float, std: float | None, unit: Unit, about: str) -> tuple[str, str, str, str]:
+def _row(name: str, value: float, std: float | None, unit: Unit) -> tuple[str, str, str]:
     text, shown_in = value_text(value, std, unit)
-    return (
-        f"{name} [{shown_in}]",
-        text,
-        HELD if std is None else std_text(std, unit).removesuffix(f" {shown_in}"),
-        about,
-    )
+    return f"{name} [{shown_in}]", text, HELD if std is None else std_text(std, unit).removesuffix(f" {shown_in}")
 
 
 def _in_lines(command: str) -> str:

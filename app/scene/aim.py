@@ -9,6 +9,7 @@ front      an elevation: along the normal of the largest wall
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,27 +87,33 @@ def stage_of(up: FloatArray | None, walls: FloatArray) -> Stage:
     return Stage(np.stack([ahead, np.cross(vertical, ahead), vertical]), walls)
 
 
-def stand(points_m: FloatArray, stage: Stage, preset: Preset, *, fov_rad: float, aspect: float) -> Stand:
-    """Where to look from, so that points (N, 3) are seen as the preset says."""
+def stand(
+    points_m: FloatArray, stage: Stage, preset: Preset, *, fov_rad: float, aspect: float, whole: bool = False
+) -> Stand:
+    """Where to look from, so that points (N, 3) are seen as the preset says. whole: what is cut away is on the canvas, too."""
     if preset == "inside":
         return _inside(points_m, stage)
     x, y, z = DIRECTIONS[preset]
     turned = [(x, y, z), (-y, x, z), (-x, -y, z), (y, -x, z)] if preset in {"overview", "front"} else [(x, y, z)]
     # From whichever side most of the room can be seen.
-    views = [_cut_open(points_m, stage, np.array(back), fov_rad=fov_rad, aspect=aspect) for back in turned]
+    cut = partial(_cut_open, points_m, stage, fov_rad=fov_rad, aspect=aspect, rounds=0 if whole else ROUNDS)
+    views = [cut(np.array(back)) for back in turned]
     return max(views, key=lambda view: view[0])[1]
 
 
 def _cut_open(
-    points_m: FloatArray, stage: Stage, back: FloatArray, *, fov_rad: float, aspect: float
+    points_m: FloatArray, stage: Stage, back: FloatArray, *, fov_rad: float, aspect: float, rounds: int
 ) -> tuple[int, Stand]:
-    """How much is seen of the room, cut open towards `back` (level axes), and from where it fills the canvas."""
+    """How much is seen of the room, cut open towards `back` (level axes), and from where it fills the canvas.
+
+    rounds: so often is the camera taken nearer to what is still seen.
+    """
     back = back @ stage.R_level_scene
     wall = wall_of(points_m, stage.walls)
     shown = np.ones(len(points_m), dtype=np.bool_)
     middle, eye = whole_view(points_m, fov_rad=fov_rad, aspect=aspect, back=back, up=stage.up)
     for _ in range(
-        ROUNDS
+        rounds
     ):  # what is cut away needs no room on the canvas; nearer, the camera may see past another wall
         kept: BoolArray = ~np.append(hidden(stage.walls, eye), False)[wall]
         if kept.sum() < LEAST_SEEN * len(points_m) or np.array_equal(kept, shown):

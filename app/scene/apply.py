@@ -30,6 +30,8 @@ OnBox = Callable[[FloatArray], None]
 #: A canvas is taken to be so wide for its height until a browser tells.
 ASPECT = 1.6
 #: What is behind the clouds: nothing drawn may vanish into it, neither white nor dark blue.
+#: How much of its opacity a sheet keeps that is cut away and shown as glass.
+GLASS = 0.3
 BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204, 210, 217)}
 
 
@@ -150,11 +152,8 @@ class ShownScene:
                 if known is None or known.mark != mark:
                     node = put(self._server.scene, item, known, self._clicked)
                     self._nodes[path] = Put(mark, item, node, wall)
-                    node.visible = wall not in self._behind
-                known = self._nodes[path]
-                known.wall = wall
-                if known.node.visible != (wall not in self._behind):
-                    known.node.visible = wall not in self._behind
+                self._nodes[path].wall = wall
+                self._cut_node(self._nodes[path])
         if not self._labelled:  # comes after the background and the first content; the page waits for it
             self._labelled = True
             self._server.gui.set_panel_label(FIRST_PICTURE)
@@ -172,7 +171,11 @@ class ShownScene:
 
     def export_html(self) -> str:
         """The scene as one self-contained page."""
-        wall_of = {path: each.wall for path, each in list(self._nodes.items()) if each.wall is not None}
+        wall_of = {
+            path: each.wall
+            for path, each in list(self._nodes.items())
+            if each.wall is not None and not self._is_glass(each)
+        }
         return cutting_itself(self._server.scene.as_html(dark_mode=bool(self._dark)), self._stage.walls, wall_of)
 
     def close(self) -> None:
@@ -185,11 +188,15 @@ class ShownScene:
         self._cycle = Cycle()
 
     def _clicked(self, patch: int, origin_m: FloatArray, direction: FloatArray) -> None:
-        """A sheet was clicked; clicked again at the same place, the ones behind it take turns."""
+        """A sheet was clicked; clicked again at the same place, the ones behind it take turns. Glass is looked through: it is
+        meant where nothing else is.
+        """
         sheets = [
             each.item for each in list(self._nodes.values()) if isinstance(each.item, Sheet) and each.node.visible
         ]
-        for meant in self._cycle.click(patch, pierced(sheets, origin_m, direction), origin_m, direction):
+        glass = {sheet.patch for sheet in sheets if sheet.wall in self._behind}
+        hits = sorted(pierced(sheets, origin_m, direction), key=lambda hit: hit in glass)
+        for meant in self._cycle.click(patch, hits, origin_m, direction):
             self._on_patch(meant)
 
     def _set_stage(self, stage: Stage) -> None:
@@ -209,9 +216,23 @@ class ShownScene:
         self._behind = behind
         with self._server.atomic():
             for each in list(self._nodes.values()):
-                if each.wall is not None and each.node.visible != (each.wall not in behind):
-                    each.node.visible = each.wall not in behind
+                if each.wall is not None:
+                    self._cut_node(each)
         self._server.flush()
+
+    def _cut_node(self, each: Put) -> None:
+        """Hide it, or have it as glass, if it is cut away now; else have it as it is."""
+        behind = each.wall in self._behind
+        visible = not behind or self._is_glass(each)
+        if each.node.visible != visible:
+            each.node.visible = visible
+        if isinstance(each.item, Sheet) and isinstance(each.node, viser.MeshHandle):
+            opacity = each.item.opacity * (GLASS if behind else 1.0)
+            if each.node.opacity != opacity:
+                each.node.opacity = opacity
+
+    def _is_glass(self, each: Put) -> bool:
+        return self._content.glass and not isinstance(each.item, Cloud)
 
     def _behind_at(self, eye_m: FloatArray) -> frozenset[int]:
         return frozenset(int(wall) for wall in np.flatnonzero(hidden(self._stage.walls, eye_m)))
@@ -219,7 +240,8 @@ class ShownScene:
     def _stand(self, *, fov_rad: float, aspect: float) -> Stand | None:
         if self._whole is None:
             return None
-        return stand(self._whole, self._stage, self._content.preset, fov_rad=fov_rad, aspect=aspect)
+        content = self._content
+        return stand(self._whole, self._stage, content.preset, fov_rad=fov_rad, aspect=aspect, whole=content.glass)
 
     def _turn(self, client: viser.ClientHandle) -> None:
         """Have a browser look as the preset says, as wide as its canvas is."""

@@ -52,9 +52,14 @@ LEGENDS: dict[ColorBy, str] = {
     "plane": "Colour: the plane a point lies on, within 0.1 m; grey: none.",
     "time": "Colour: time in the sweep, dark blue first, yellow last.",
     "residual": "Colour: signed distance to the nearest plane, "
-    "blue \N{MINUS SIGN}50 mm, white 0, orange +50 mm; grey: none near.",
+    "blue \N{MINUS SIGN}50 mm, {zero} 0, orange +50 mm; grey: none near.",
     "intensity": "Colour: intensity, dark blue weak, yellow strong.",
 }
+
+
+def legend_of(color_by: ColorBy, *, dark: bool) -> str:
+    """What the colours mean on such a background."""
+    return LEGENDS[color_by].format(zero=palette.ZERO[dark])
 
 
 @dataclass(frozen=True)
@@ -119,6 +124,7 @@ def build_planes(
         + (" Click a plane to change it." if judging else ""),
         aim=WHOLE_ROOM if up is None else f"{WHOLE_ROOM}, upright",
         stage=stage,
+        glass=True,
         readout=Readout(xyz, lambda place: _said(xyz[place], owner[shown[place]], planes, stage)),
         # What lies outside a box makes no plane, so it is no place to click either.
         pickable_m=proposals.cloud_m[within_region(proposals.cloud_m, planes.region)],

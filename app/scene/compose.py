@@ -109,7 +109,13 @@ class Composer:
             found = self._sources.solved(record, job_id)
             measured = None if found is None else found.solved.walls
             return build_converging(
-                recording, step, limit=self._limit, up=up, straight=state.straight, measured=measured
+                recording,
+                step,
+                limit=self._limit,
+                up=up,
+                straight=state.straight,
+                dark=state.dark,
+                measured=measured,
             )
         place = self._fastest.get(f"{record.id}{record.read_settings_json}", lambda: fastest_scan(recording))
         if step is None:
@@ -148,6 +154,7 @@ class Composer:
             limit=self._limit,
             stage=stage,
             preset=state.preset,
+            dark=state.dark,
         )
         costs_of = f"{record.id}{found.job_id}"
         costs = Costs(

@@ -36,11 +36,12 @@ def build_converging(
     limit: int,
     up: FloatArray | None = None,
     straight: float = 1.0,
+    dark: bool = True,
     measured: Thickness | None = None,
 ) -> Content:
     """The sweeps of a step, coloured by their distance to the nearest plane, and both sensors' frames.
 
-    up: (3,) map frame, where it is known.   straight: how much of the motion is taken out, 0..1.
+    up: (3,) map frame, where it is known.   straight: how much of the motion is taken out, 0..1.   dark: the background is.
     measured: of all walls, once the run has an answer: from then on no number of these few sweeps stands beside it.
     """
     by_stamp = {scan.stamp_ns: scan for scan in recording.scans}
@@ -63,7 +64,7 @@ def build_converging(
     p_imu = p_lidar - R_imu @ matrix[:3, 3]
     return Content(
         items=(
-            Cloud("/sweeps", shown, palette.diverging(dist_m, RESIDUAL_HALF_M), point_size_m(moved)),
+            Cloud("/sweeps", shown, palette.diverging(dist_m, RESIDUAL_HALF_M, dark=dark), point_size_m(moved)),
             Axes("/lidar", R_lidar, p_lidar, 0.45),
             Axes("/imu", R_imu, p_imu, 0.3),
             *frame_names(p_lidar, p_imu, breadth_m([moved]), up=stage.up),
@@ -71,7 +72,7 @@ def build_converging(
         ),
         stage=stage,
         legend=f"{_told(len(pairs), measured, lambda: _thickness(moved, rigid, normals, offsets_m))} "
-        "Colour: distance to plane, blue \N{MINUS SIGN}50, white 0, orange +50 mm.",
+        f"Colour: distance to plane, blue \N{MINUS SIGN}50, {palette.ZERO[dark]} 0, orange +50 mm.",
     )
 
 

@@ -18,7 +18,7 @@ from app.planes import palette
 from app.planes.palette import Colors
 from app.results.thickness import GATE_M, nearest_plane, outlines_of, spread
 from app.scene.aim import DIRECTIONS, Stage
-from app.scene.build import LEGENDS, Solved, ground, lightness, scan_colors, texture, thinned, thinned_scan
+from app.scene.build import Solved, ground, legend_of, lightness, scan_colors, texture, thinned, thinned_scan
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.readout import Readout, from_plane
 from app.scene.wipe import Camera, left_of
@@ -59,6 +59,8 @@ class Look:
     stage: Stage = field(default_factory=Stage)
     #: From where it is looked at: clouds beside each other stand across that view, not one behind another.
     preset: Preset = "overview"
+    #: Whether the background is.
+    dark: bool = True
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,7 @@ def _cloud(recording: Recording, look: Look, motions: Motions, source: Source, l
         rgb = palette.uniform(sum(len(part) for part in points), ONE_COLOR[source])
     else:
         pairs = zip(scans, points, strict=True)
-        rgb = np.concatenate([_colors(scan, part, motions.solved, look.stage, look.color_by) for scan, part in pairs])
+        rgb = np.concatenate([_colors(scan, part, motions.solved, look) for scan, part in pairs])
     xyz = np.concatenate(points)
     return Cloud(f"/{source}", xyz, rgb, point_size_m(xyz))
 
@@ -193,20 +195,20 @@ def _points(scan: Scan, motions: Motions, source: Source) -> Float32Array:
     return api.map_points(scan, trajectory)
 
 
-def _colors(scan: Scan, points_map: Float32Array, solved: Solved, stage: Stage, color_by: ColorBy) -> Colors:
-    if color_by in {"time", "intensity"}:
-        return scan_colors(scan, color_by)
+def _colors(scan: Scan, points_map: Float32Array, solved: Solved, look: Look) -> Colors:
+    if look.color_by in {"time", "intensity"}:
+        return scan_colors(scan, look.color_by)
     normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
     offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
-    if color_by == "plane":
+    if look.color_by == "plane":
         owner, _ = nearest_plane(
             points_map, normals, offsets_m, gate_m=PLANE_GATE_M, outlines_m=outlines_of(solved.planes)
         )
         rgb = palette.by_label(owner, [palette.plane_rgb(place) for place in solved.colors])
-        light = lightness(np.column_stack([normals, offsets_m]), stage)[owner]
+        light = lightness(np.column_stack([normals, offsets_m]), look.stage)[owner]
         return palette.lit(rgb, light * texture(scan.points["intensity"].astype(np.float32)))
     _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
-    return palette.diverging(dist_m, RESIDUAL_HALF_M)
+    return palette.diverging(dist_m, RESIDUAL_HALF_M, dark=look.dark)
 
 
 def _kept(cloud: Cloud, chosen: BoolArray) -> Cloud:
@@ -257,10 +259,11 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
 
 
 def _legend(look: Look, sources: tuple[Source, ...], motions: Motions) -> str:
+    colours = legend_of(look.color_by, dark=look.dark)
     # A name given keeps its letters.
     first = motions.old_name if sources[0] == "old" and motions.old_name else TITLES[sources[0]].lower()
     if look.show == "both":
         return f"{'Orange' if sources[0] == 'raw' else 'Magenta'}: {first}; blue: de-skewed."
     if look.show == "wipe":
-        return f"Left of the line: {first}; right: de-skewed. {LEGENDS[look.color_by]}"
-    return LEGENDS[look.color_by]
+        return f"Left of the line: {first}; right: de-skewed. {colours}"
+    return colours

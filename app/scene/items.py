@@ -113,7 +113,8 @@ class Content:
     pickable_m: (N, 3) source points a click in the canvas may mean, map frame; empty where clicks mean nothing.
     aim: cameras look at the whole anew when this changes; "" leaves them where they are.
     stage: the room around it, which says what is up, and what is cut away.   preset: from where cameras look; they
-    go there again when `looks` changes.   readout: what is said of a point under the pointer; None: nothing.
+    go there again when `looks` changes.   glass: of what is cut away, sheets, outlines and names stay, to be clicked.
+    readout: what is said of a point under the pointer; None: nothing.
     """
 
     items: tuple[Item, ...]
@@ -123,6 +124,7 @@ class Content:
     stage: Stage = field(default_factory=Stage)
     preset: Preset = "overview"
     looks: int = 0
+    glass: bool = False
     readout: Readout | None = None
     pickable_m: Float32Array = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
 

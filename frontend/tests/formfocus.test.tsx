@@ -115,7 +115,7 @@ describe("how a recording is read", () => {
     const seen = vi.spyOn(Element.prototype, "scrollIntoView");
     const { user } = show(<Reading recording={recording as unknown as Recording} />);
     expect(seen).not.toHaveBeenCalled();
-    await user.click(screen.getByText("Say what was recognised wrongly"));
+    await user.click(screen.getByText("Correct what was recognised"));
     await vi.waitFor(() => expect(document.activeElement?.tagName).toBe("SELECT"));
     expect(seen).toHaveBeenCalledOnce();
   });

@@ -100,6 +100,14 @@ describe("the URL of an inspection", () => {
     expect(read(writeWish(laid, { extent: "scan" })).show).toBe("wipe");
     expect(read(new URLSearchParams("show=wipe&map=surface")).show).toBe("deskewed");
   });
+  // Fails when Inspect opens on points among points, in which no difference is to be seen.
+  it("opens where the motion shows", () => {
+    expect(readWish(new URLSearchParams(), 5)).toMatchObject({ show: "side", extent: "map", colorBy: "residual" });
+    expect(readWish(writeWish(new URLSearchParams(), { extent: "scan" }), 5)).toMatchObject({
+      extent: "scan",
+      scan: 5,
+    });
+  });
   // Fails with a part of the wish that is not written, or not read.
   it("says everything that is wished for", () => {
     const wish = {

@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
 import { eulerDeg, inverted } from "../src/features/result/inverse";
+import { turnDeg } from "../src/features/solve/turns";
 
 type M = number[][];
 const product = (a: M, b: M): M =>
@@ -75,5 +76,23 @@ describe("the transform the other way", () => {
     const deg = Math.PI / 180;
     const made = product(product(turned([0, 0, 30 * deg]), turned([0, -20 * deg, 0])), turned([10 * deg, 0, 0]));
     eulerDeg(made).forEach((value, i) => expect(value).toBeCloseTo([10, -20, 30][i] ?? 0, 9));
+  });
+});
+
+describe("the turn from one answer to the next", () => {
+  // Fails when angles are subtracted, when the turn is told about the IMU's axes, or when half a turn is gone round the long way.
+  it("is about the lidar's axes", () => {
+    const deg = Math.PI / 180;
+    const wanted = [
+      [0.1, -0.2, 0.3],
+      [20, 60, -100],
+      [0, 0, 0],
+    ];
+    for (const from of [turned([1.5, 0.1, -0.2]), turned([0.1, 1.52, 0]), turned([0.2, 0.1, 3.1])]) {
+      for (const turn of wanted) {
+        const to = product(from, turned(turn.map((part) => part * deg)));
+        turnDeg(eulerDeg(from), eulerDeg(to)).forEach((value, i) => expect(value).toBeCloseTo(turn[i] ?? 0, 9));
+      }
+    }
   });
 });

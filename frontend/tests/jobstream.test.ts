@@ -1,7 +1,7 @@
 import { describe, expect, it } from "vitest";
 import type { IterationEvent, Job, JobMessage, StageEvent } from "../src/api/client";
 import { addMessages, emptyRun } from "../src/api/jobstream";
-import { parametersOf, unwrap } from "../src/features/solve/parameters";
+import { parametersOf } from "../src/features/solve/parameters";
 import {
   promised,
   secondsLeft,
@@ -118,13 +118,6 @@ describe("parameters", () => {
     expect(rows[0]?.values).toEqual([100]);
     expect(rows[6]?.values).toEqual([4]);
     expect(rows[6]?.sigmas).toEqual([1]);
-  });
-
-  // Fails without the turn kept between readings.
-  it("do not jump at half a turn", () => {
-    unwrap([179.9, -179.9, -179.8, 179.9]).forEach((value, i) =>
-      expect(value).toBeCloseTo([179.9, 180.1, 180.2, 179.9][i] ?? 0, 9),
-    );
   });
 });
 

@@ -4,7 +4,7 @@ import { addMessages, emptyRun } from "../src/api/jobstream";
 import { longStep, stalledS } from "../src/features/jobs/timeleft";
 import { determines, strength } from "../src/features/planes/determinacy";
 import { planesText } from "../src/features/recording/forecast";
-import { contradicted, firstStep, otherUnit, toMeasure } from "../src/features/result/nextsteps";
+import { contradicted, firstStep, missedPlanes, otherUnit, toMeasure } from "../src/features/result/nextsteps";
 import { toneOf } from "../src/features/result/verdict";
 import { answerOf, parametersOf } from "../src/features/solve/parameters";
 import { standingOf } from "../src/features/start/standing";
@@ -165,6 +165,20 @@ describe("the next step of a refusal", () => {
     ["calibrated", ["planes.bent", "planes.doubted"], null, null],
   ] as const)("of %s with %j puts first what helps", (status, codes, doubted, step) => {
     expect(firstStep(status, codes, doubted)).toBe(step);
+  });
+
+  // Seen: with one plane kept of six, "Record again" came first and nothing said that five were dropped. Fails when planes are asked for
+  // where those that counted face three ways, or where none that was found would help.
+  it("of a weak answer with planes that were left out puts these first", () => {
+    const [x, y, z] = [{ normal: [1, 0, 0] }, { normal: [0, 1, 0] }, { normal: [0, 0.1, 0.995] }] as const;
+    const all = [x, y, z, x];
+    expect(missedPlanes([x], all)).toBe(3);
+    expect(missedPlanes([x, y], all)).toBe(2);
+    expect(missedPlanes([x, y, z], all)).toBe(0);
+    expect(missedPlanes([x], [x, y, x])).toBe(0);
+    expect(firstStep("weak", [], null, 3)).toBe("planes");
+    expect(firstStep("weak", [], null, 0)).toBe("record");
+    expect(firstStep("calibrated", [], null, 3)).toBeNull();
   });
 
   // Fails when who gave two numbers is sent to the one that is right; when nobody is sent anywhere where the words are others.

@@ -1,4 +1,5 @@
 import { describe, expect, it } from "vitest";
+import { beyond } from "../src/ui/lineplot";
 import { offsetsOf, plotsOf, type Part } from "../src/features/result/partsof";
 
 function part(turnStd: number): Part {
@@ -24,6 +25,11 @@ describe("answers of parts", () => {
     expect(place?.range).toEqual([-1.1 * 3.5, 1.1 * 3.5]);
     expect(late?.lines[0]?.values[0]).toBeCloseTo(-0.2);
     expect(late?.lines[0]?.sigmas?.[0]).toBeCloseTo(0.3);
+  });
+
+  // Fails when a point that the axis does not reach is drawn nowhere.
+  it("are told beyond an axis that does not reach them", () => {
+    expect([-1.2, -1, 0.3, 1, 1.2].map((value) => beyond(value, -1, 1))).toEqual([-1, 0, 0, 0, 1]);
   });
 
   it("have offsets in milliseconds from the answer", () => {

@@ -3,7 +3,8 @@ import { QueryClient, QueryClientProvider } from "@tanstack/react-query";
 import { render, screen } from "@testing-library/react";
 import { describe, expect, it, vi } from "vitest";
 import type { DoctorReport, Recording } from "../src/api/client";
-import { Report } from "../src/features/recording/report";
+import { Report, settledFindings } from "../src/features/recording/report";
+import { isNoRecording } from "../src/features/recording/screen";
 import { openChoices, Sensors } from "../src/features/recording/sensors";
 
 // Plots want a canvas, which jsdom has none of.
@@ -113,4 +114,26 @@ describe("several sensors that fit", () => {
       { lidar_topic: "/rear" },
     ]);
   });
+});
+
+// Seen: of a text file that was called .bag, a form was offered with the units of its gyroscope. Fails when any refusal is taken for
+// that, or one of a file whose topics were read.
+it("knows a file that is no recording from one that is read wrongly", () => {
+  const error = { code: "recording.unreadable", text: "", details: null };
+  expect(isNoRecording({ error, report: null })).toBe(true);
+  expect(isNoRecording({ error, report: whole })).toBe(false);
+  expect(isNoRecording({ error: { ...error, code: "recording.topic" }, report: null })).toBe(false);
+  expect(isNoRecording({ error: null, report: null })).toBe(false);
+});
+
+// Seen: of two lidars, with none chosen, "25 % sure" of rad/s, and a button that makes it wrong. Fails when a guess that the lidar will
+// settle is shown; when what is sure is not; when it is hidden for good.
+it("asks for no unit that the lidar will tell once it is chosen", () => {
+  const [recognised] = whole.findings.map((one) => ({ ...one, code: "imu.gyroscope_unit", confidence: 0.25 }));
+  const finding = recognised as DoctorReport["findings"][number];
+  const told = { lidar: null, lidar_candidates: ["/a", "/b"], findings: [finding] };
+  expect(settledFindings(told)).toEqual([]);
+  expect(settledFindings({ ...told, findings: [{ ...finding, confidence: 1 }] })).toHaveLength(1);
+  expect(settledFindings({ ...told, lidar_candidates: ["/a"] })).toHaveLength(1);
+  expect(settledFindings({ ...told, lidar: {} as never })).toHaveLength(1);
 });

@@ -29,6 +29,24 @@ describe("while a solve runs", () => {
   });
 });
 
+describe("a recording without one of the sensors", () => {
+  const report = { final: true, verdict: "unusable", lidar: {}, lidar_candidates: ["/points"], imu: null };
+  const without = { ...recording, report: { ...report, imu_candidates: [] } } as unknown as Recording;
+  const toChoose = { ...recording, report: { ...report, imu_candidates: ["/a", "/b"] } } as unknown as Recording;
+
+  // Seen: without an IMU, Recording had a tick and "Choose planes" led to a page that waits for ever. Fails when what cannot be used
+  // is ticked off, when a step is open that leads nowhere, or when one of which an IMU has yet to be chosen is taken for such.
+  it("opens no step after it, and is not done with", () => {
+    expect(ticked(without, undefined, [], "")).toEqual([]);
+    expect(stepsOf(without, undefined, [], "").map(({ state }) => state)).toEqual([
+      "open",
+      ...Array<string>(4).fill("locked"),
+    ]);
+    expect(stepsOf(without, undefined, [], "")[1]?.reason).toMatch(/lacks one of the two sensors/);
+    expect(stepsOf(toChoose, undefined, [], "")[1]?.state).toBe("open");
+  });
+});
+
 describe("the steps' ticks", () => {
   // Fails when what was only suggested, or could be looked at, counts as done.
   it("are for what was done", () => {

@@ -13,11 +13,12 @@ const use = {
 const plain = (text: string) => text.replaceAll("\u202f", " ");
 
 describe("what takes room, in words", () => {
-  // Fails when what is held back is counted as room, or a quota that leaves less than the disk does is not looked at.
+  // Fails when the size of a disk that holds other things stands beside what is taken of it, as if the rest were free; when what is
+  // held back is counted as room, or a quota that leaves less than the disk does is not looked at.
   it("counts what an upload may take", () => {
-    expect(plain(sentenceOf(use))).toContain("30.0 GB of 100 GB are taken; there is room for 39.0 GB more.");
+    expect(plain(sentenceOf(use))).toContain("take 30.0 GB; there is room for 39.0 GB more.");
     expect(plain(sentenceOf({ ...use, quota_bytes: 35e9 }))).toContain(
-      "30.0 GB of 35.0 GB are taken; there is room for 5.0 GB",
+      "take 30.0 GB of the 35.0 GB allowed; there is room for 5.0 GB",
     );
     expect(plain(sentenceOf({ ...use, quota_bytes: 20e9 }))).toContain("room for 0 B more");
   });

@@ -15,7 +15,7 @@ import { Frames } from "../src/features/result/frames";
 import { History } from "../src/features/result/history";
 import { NextSteps } from "../src/features/result/nextsteps";
 import { ParameterTable } from "../src/features/solve/funnel";
-import { answerOf, parametersOf } from "../src/features/solve/parameters";
+import { anglesOf, answerOf, parametersOf } from "../src/features/solve/parameters";
 import { Notice } from "../src/ui/notice";
 import { ShortcutProvider } from "../src/ui/shortcuts";
 
@@ -37,6 +37,7 @@ describe("what to do now", () => {
     const result = {
       status: "refused",
       observability: { advice: [] },
+      quality: { planes: [] },
       messages: [
         {
           level: "warning",
@@ -240,12 +241,22 @@ describe("what a round holds", () => {
   // Fails when what is held shows a standard deviation, be it nought or none of its own; when one of a solve's end does.
   it("is called held", () => {
     const rows = () => screen.getAllByRole("row").map((row) => row.textContent);
-    const view = show(<ParameterTable parameters={parametersOf([step])} />);
+    const view = show(<ParameterTable parameters={parametersOf([step])} angles={null} />);
     expect(rows().filter((text) => text.includes("held"))).toEqual(["Position y200.0heldmm"]);
     expect(rows()[0]).toContain("± 1.0");
     view.unmount();
     const outcome = { ...step, translation_std_m: [0.001, 0.001, 0.001] } as never;
-    show(<ParameterTable parameters={parametersOf([step, ...answerOf(outcome, true)])} />);
+    show(<ParameterTable parameters={parametersOf([step, ...answerOf(outcome, true)])} angles={null} />);
     expect(rows().filter((text) => text.includes("held"))).toEqual(["Time offset12.500heldms"]);
+  });
+
+  // Fails when the sigma of a turn about one of the lidar's axes stands beside roll, pitch or yaw: of a lidar on its side the turn
+  // about its x is a pitch.
+  it("puts no sigma beside roll, pitch and yaw", () => {
+    const onItsSide = { ...step, euler_xyz_deg: [90, 0.5, -179.5], rotation_std_deg: [0.09, 0.36, 0.09] };
+    const rows = () => screen.getAllByRole("row").map((row) => row.textContent);
+    show(<ParameterTable parameters={parametersOf([onItsSide])} angles={anglesOf([onItsSide])} />);
+    expect(rows()[3]).toBe("Roll, pitch, yaw90.000  0.500  −179.500°");
+    expect(rows()[5]).toBe("About lidar y± 0.36°");
   });
 });

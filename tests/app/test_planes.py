@@ -20,13 +20,31 @@ from app.planes.geometry import (
 )
 from app.planes.operations import apply, free_name
 from app.planes.state import PlaneHistory, PlaneSet, suggested
-from app.planes.wire import determinacy
-from app.schemas.planes import Confirm, Drop, Grow, Merge, Rename, Restrict, Side, Toggle, UseSuggestion
+from app.planes.wire import determinacy, wire_planes
+from app.schemas.planes import Confirm, Drop, Foreseen, Grow, Merge, Rename, Restrict, Side, Toggle, UseSuggestion
 from calib_core.types import Plane, PlanePatch
 from tests.app.support import world
 
 PROPOSALS = world.make_proposals()
 START = suggested(PROPOSALS)
+
+
+def test_a_lone_plane_is_told_as_one_direction_of_three_with_no_figure_beside():
+    """Seen: one of the two missing directions was named, beside a figure that no such solve keeps.
+
+    Mutations: one direction named; the figure kept.
+    """
+    history = PlaneHistory(cache_key="", revision=0, steps=(suggested(PROPOSALS),), cursor=0)
+    kept = tuple(
+        patch.model_copy(update={"confirmed": place == 0}) for place, patch in enumerate(history.current.patches)
+    )
+    history = history.push(history.current.model_copy(update={"patches": kept}))
+    known = Foreseen(name="Position y", std=0.014, unit="m", limit=0.02, weak=False)
+    wire = wire_planes(history, static=True, known=known)
+    assert "one direction of three: confirm two more" in wire.determinacy.text
+    assert wire.foreseen is None
+    full = PlaneHistory(cache_key="", revision=0, steps=(suggested(PROPOSALS),), cursor=0)
+    assert wire_planes(full, static=True, known=known).foreseen == known
 
 
 def edit(planes, operation, grow=lambda *_: None):

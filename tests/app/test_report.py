@@ -88,6 +88,31 @@ def test_the_page_says_what_one_signs_for(page):
     assert NAME not in page
 
 
+def test_no_sigma_stands_beside_an_angle_that_it_is_not_of():
+    """Drawn from the covariance, roll, pitch and yaw of a lidar on its side scatter otherwise than turns about its axes do.
+
+    Mutation: the sigmas of the turns beside roll, pitch and yaw.
+    """
+    turns_deg = np.array([0.09, 0.36, 0.05])
+    R = Rotation.from_euler("ZYX", [0.0, 0.0, 90.0], degrees=True)
+    drawn = R * Rotation.from_rotvec(turns_deg * np.random.default_rng(3).normal(size=(4000, 3)), degrees=True)
+    scatter = dict(zip(("Yaw", "Pitch", "Roll"), drawn.as_euler("ZYX", degrees=True).std(axis=0), strict=True))
+    assert scatter["Yaw"] == pytest.approx(0.36, rel=0.1) and scatter["Pitch"] == pytest.approx(0.05, rel=0.1)
+
+    result = world.make_result()
+    transform = result.T_imu_lidar.model_copy(update={"euler_xyz_deg": [90.0, 0.0, 0.0]})
+    uncertainty = result.uncertainty.model_copy(update={"rotation_std_deg": list(turns_deg)})
+    page = report_page(result.model_copy(update={"T_imu_lidar": transform, "uncertainty": uncertainty}), Beside())
+    told = dict(
+        re.findall(
+            r'<th scope="row">([^<]*)</th><td class="n">[^<]*</td><td class="n">([\d.]*)</td>', html.unescape(page)
+        )
+    )
+    for name, std in scatter.items():
+        assert told[f"{name} [deg]"] == "" or float(told[f"{name} [deg]"]) == pytest.approx(std, rel=0.1)
+    assert [told[f"Turn about the lidar's {axis} [deg]"] for axis in "xyz"] == ["0.090", "0.36", "0.050"]
+
+
 def test_the_sensors_own_errors_stand_kind_by_kind():
     """Mutations: the largest for the surest; radians; a sign of nothing; considered and estimated of a kind as one."""
 

@@ -12,6 +12,7 @@ from app.planes import palette
 from app.planes.state import suggested
 from app.results.thickness import measure_thickness
 from app.scene.aim import whole_view
+from app.scene.apply import BACKGROUNDS
 from app.scene.build import Solved, build_first, build_planes, thinned
 from app.scene.camera import quat_wxyz, rotation_matrix
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
@@ -180,8 +181,20 @@ def test_fingerprints_tell_changes_and_only_changes():
     assert fingerprint(Axes("/f", np.eye(3), np.zeros(3), 1.0)) != fingerprint(Axes("/f", np.eye(3), np.ones(3), 1.0))
 
 
+def contrast(one, other):
+    """Of two sRGB colours, 1 to 21."""
+    linear = [
+        np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+        for c in (np.array(one) / 255, np.array(other) / 255)
+    ]
+    low, high = sorted(float(c @ [0.2126, 0.7152, 0.0722]) for c in linear)
+    return (high + 0.05) / (low + 0.05)
+
+
 def test_scales_run_from_end_to_end_and_grey_out_the_unknown():
-    """Mutation: not clipping wraps bright values to dark ones."""
+    """What lies right is seen on either background (WCAG 2.1's contrast). Mutations: not clipping wraps bright values to dark
+    ones; one scale for both backgrounds: white on pale grey.
+    """
     rgb = palette.diverging(np.array([-1, -0.05, 0, 0.05, 1, np.nan], dtype=np.float32), 0.05)
     np.testing.assert_array_equal(rgb[0], rgb[1])
     np.testing.assert_array_equal(rgb[3], rgb[4])
@@ -189,6 +202,9 @@ def test_scales_run_from_end_to_end_and_grey_out_the_unknown():
     assert rgb[0][2] > rgb[0][0]
     assert rgb[4][0] > rgb[4][2]
     np.testing.assert_array_equal(rgb[5], palette.NO_PLANE)
+    for dark, background in BACKGROUNDS.items():
+        for one in palette.diverging(np.linspace(-1, 1, 21, dtype=np.float32), 1.0, dark=dark):
+            assert contrast(one, background) > 2.4
     light = palette.sequential(np.linspace(0, 1, 50, dtype=np.float32), 0.0, 1.0) @ [0.2126, 0.7152, 0.0722]
     assert np.diff(light).min() >= -1.0  # lightness alone tells the order
 

@@ -12,8 +12,9 @@ from app.planes.upright import named, room_of
 from app.planes.wire import determinacy, wire_planes
 from app.scene.aim import Stage, hidden, stage_of, stand, wall_of
 from app.scene.apply import ShownScene
+from app.scene.build import build_planes
 from app.scene.cutaway import pieces
-from app.scene.items import Cloud, Content, point_size_m
+from app.scene.items import Cloud, Content, Sheet, point_size_m
 from app.scene.support import CELLS, support_of
 from app.scene.upright import vertical_of
 from app.schemas.planes import Drop, Rename, Side
@@ -166,6 +167,61 @@ def test_walls_that_come_and_go_are_cut_from_where_one_stands():
             drawn = {each.wall: each.node.visible for each in scene._nodes.values() if each.wall is not None}
             assert drawn == {wall: bool(walls[wall, :3] @ eye_m + walls[wall, 3] > -0.05) for wall in drawn}
             assert set(drawn.values()) == {True, False}
+    finally:
+        scene.close()
+
+
+def test_planes_to_be_clicked_stay_as_glass_where_the_room_is_cut_open():
+    """Every one of the six has its sheet, outline and name on the canvas, and only what is seen from behind lacks its points.
+
+    Mutations: what is cut away has no sheet; it keeps its points; the camera stands where it sees the rest alone.
+    """
+    told = []
+    scene = ShownScene(on_patch=told.append, on_ray=lambda *_: None)
+    try:
+        scene.show(build_planes(PROPOSALS, suggested(PROPOSALS), limit=20_000, up=UP), dark=True)
+        eye_m = np.array(scene._server.initial_camera.position)
+        cut = {int(wall) for wall in np.flatnonzero(hidden(WALLS, eye_m))}
+        assert cut
+        nodes = [each for each in scene._nodes.values() if each.wall is not None]
+        assert {each.wall for each in nodes if isinstance(each.item, Sheet) and each.node.visible} == set(range(6))
+        assert all(each.node.visible for each in nodes if not isinstance(each.item, Cloud))
+        assert {each.wall for each in nodes if isinstance(each.item, Cloud) and not each.node.visible} == cut
+        for each in nodes:
+            if isinstance(each.item, Sheet):
+                assert (each.node.opacity < each.item.opacity) == (each.wall in cut)
+        seen = stand(
+            PROPOSALS.cloud_m.astype(np.float64), stage_of(UP, WALLS), "overview", fov_rad=0.9, aspect=1.6, whole=True
+        )
+        forward = (seen.middle_m - seen.eye_m) / np.linalg.norm(seen.middle_m - seen.eye_m)
+        right = np.cross(forward, UP) / np.linalg.norm(np.cross(forward, UP))
+        x, y, z = np.stack([right, np.cross(right, forward), forward]) @ (PROPOSALS.cloud_m - seen.eye_m).T
+        half = np.tan(0.45)
+        assert np.mean((np.abs(x) < 1.6 * half * z) & (np.abs(y) < half * z)) > 0.98
+    finally:
+        scene.close()
+
+
+def test_glass_is_looked_through_by_clicks():
+    """Two squares, the nearer one seen from behind: the farther one is meant first. Mutation: glass that is
+    nearest is meant.
+    """
+    corners = np.array([[0, -1, -1], [0, 1, -1], [0, 1, 1], [0, -1, 1]], dtype=np.float32)
+    faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
+    walls = np.array([[1.0, 0.0, 0.0, -2.0], [-1.0, 0.0, 0.0, 4.0]])  # the room is from x = 2 to x = 4
+    sheets = [
+        Sheet(f"/planes/{k}", corners + np.float32([x_m, 0, 0]), faces, (9, 9, 9), 0.3, patch=k, wall=k)
+        for k, x_m in enumerate((2.0, 4.0))
+    ]
+    told = []
+    scene = ShownScene(on_patch=told.append, on_ray=lambda *_: None)
+    try:
+        scene.show(Content(tuple(sheets), "", aim="room", stage=stage_of(UP, walls), glass=True), dark=True)
+        scene._cut(np.zeros(3))
+        scene._clicked(0, np.zeros(3), np.array([1.0, 0.0, 0.0]))
+        assert told == [1]
+        scene._clicked(0, np.zeros(3), np.array([1.0, 0.0, 0.0]))
+        assert told == [1, 1, 0]  # put right again, and the glass in front
     finally:
         scene.close()
 

@@ -41,12 +41,17 @@ _SLOWLY = """
 
 @contextmanager
 def opened(
-    browser: Browser, address: str, *, scheme: str = "dark", drawn_per_s: int | None = DRAWN_PER_S
+    browser: Browser, address: str, *, scheme: str = "dark", drawn_per_s: int | None = DRAWN_PER_S, phone: bool = False
 ) -> Iterator[BrowserContext]:
-    """A browser of its own, as after a first installation. drawn_per_s: how often scenes are drawn, None as often as can be."""
+    """A browser of its own, as after a first installation. drawn_per_s: how often scenes are drawn, None as often as can be.
+
+    phone: a telephone's, touched with fingers.
+    """
     made = browser.new_context(
         base_url=address,
-        viewport={"width": 1280, "height": 720},
+        viewport={"width": 390, "height": 844} if phone else {"width": 1280, "height": 720},
+        has_touch=phone,
+        is_mobile=phone,
         color_scheme="dark" if scheme == "dark" else "light",
         reduced_motion="reduce",
         # A quarter of the dots, which are drawn in software. Pictures for people have them all.

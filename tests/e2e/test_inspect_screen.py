@@ -35,19 +35,22 @@ def drag_across(page: Page, plot: Locator, start: float, end: float) -> None:
 
 @both
 def test_inspect(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> None:
-    """The view is in the URL, walls get thinner, and a nudge says what it costs.
+    """It opens where the motion shows, the view is in the URL, walls get thinner, and a nudge says what it costs.
 
-    Fails with before and after swapped; with the nudge not sent.
+    Fails with both clouds in one place, where nothing is to be seen; with before and after swapped; with the nudge not sent.
     """
     recording, job = solved
-    page.goto(f"/r/{recording}/inspect?job={job}&scan=40&show=both")
+    page.goto(f"/r/{recording}/inspect?job={job}&scan=40")
     expect(page.get_by_text("41 / ")).to_be_visible()
+    until(lambda: [api.view(recording)[key] for key in ("show", "extent", "color_by")] == ["side", "map", "residual"])
     walls = page.get_by_role("region", name="Wall thickness")
     before, after = (float(text) for text in re.findall(r"\d+\.\d", walls.locator("p").first.inner_text())[:2])
     assert after < before
     wait_for_cloud(page)
     assert serious_faults(page) == []
     keep_screenshot(page, "inspect", scheme)
+    page.get_by_text("One scan", exact=True).click()
+    until(lambda: api.view(recording)["extent"] == "scan")
     page.keyboard.press("m")
     until(lambda: api.view(recording)["extent"] == "map")
     page.get_by_role("button", name="Turn about x: more").click()

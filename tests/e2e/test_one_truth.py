@@ -84,7 +84,7 @@ def test_every_screen_says_the_same(page: Page, api: Api, address: str, run: tup
 
     page.goto(f"/r/{recording}/result?job={job}")
     answer = page.get_by_role("table", name="Transform and time offset")
-    expect(answer.get_by_role("row")).to_have_count(7)
+    expect(answer.get_by_role("row")).to_have_count(8)
     for sigma, unit in sigmas_of(result):
         expect(answer).to_contain_text(cell(sigma, unit))
     expect(page.get_by_role("main")).to_contain_text(sentence)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import re
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
-from tests.e2e.support import Api, faults_in_all_sizes, keep_screenshot, serious_faults, until, wait_for_cloud
+from tests.e2e.support import Api, faults_in_all_sizes, keep_screenshot, opened, serious_faults, until, wait_for_cloud
 
 #: Either is right for ten seconds of good motion; which one depends on what the doctor asks of a standstill.
 VERDICT = re.compile("Good to calibrate|Usable, with limits")
@@ -104,6 +104,26 @@ def test_planes(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     # As it was, for the picture that the other scheme makes.
     page.keyboard.press("Control+z")
     until(lambda: all(patch["name"] != f"wall {scheme}" for patch in api.planes(solved[0])["patches"]))
+
+
+#: Of what is pressed on a touch screen: WCAG 2.2 asks for 24 px.
+SMALL = """() => [...document.querySelectorAll("button, [type=checkbox], summary")]
+  .map((one) => [one.getBoundingClientRect(), one.getAttribute("aria-label") ?? one.textContent])
+  .filter(([box]) => box.width > 0 && Math.min(box.width, box.height) < 24)
+  .map(([box, name]) => `${name}: ${box.width} x ${box.height}`)"""
+
+
+@pytest.mark.parametrize("screen", ["recording", "planes", "solve", "inspect", "result"])
+def test_fingers_find_what_they_press(browser: Browser, address: str, solved: tuple[str, str], screen: str) -> None:
+    """On a telephone. Fails with the sizes that a pointer has: tick boxes of 16 px, steppers, menus and copy buttons of 22."""
+    with opened(browser, address, phone=True) as phone:
+        page = phone.new_page()
+        page.goto(f"/r/{solved[0]}/{screen}")
+        expect(page.get_by_role("complementary").first).to_be_visible()
+        expect(page.get_by_role("button").nth(3)).to_be_visible()
+        page.wait_for_timeout(1500)  # lists come a moment after the frame that they stand in
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390
+        assert page.evaluate(SMALL) == []
 
 
 #: A desk's window at twice its size; a telephone held sideways.

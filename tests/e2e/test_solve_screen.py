@@ -107,7 +107,7 @@ def test_two_browsers_watch_one_run_and_one_of_them_stops_it(
             second.get_by_role("button", name="Cancel").click()
         until(lambda: api.ask("GET", f"/api/jobs/{job}")["state"] == "cancelled")
         for one in (page, second):
-            expect(one.get_by_role("button", name="Run again")).to_be_visible(timeout=JOB_WAIT_S * 1000)
+            expect(one.get_by_role("button", name="Once more as it was")).to_be_visible(timeout=JOB_WAIT_S * 1000)
             expect(one.get_by_role("heading", name="Cancelled")).to_be_visible()
         assert complaints.texts == []
 

@@ -104,6 +104,15 @@ export function toSigma(value: number, sigma: number): string {
   return fixed(value, sigma > 0 ? decimalsFor(sigma) : 4);
 }
 
+/**
+ * Roll, pitch and yaw [°], to the digits that the surest turn deserves. None has a standard deviation of its own: these are of turns
+ * about the lidar's axes, which roll, pitch and yaw are not once the lidar lies on its side.
+ */
+export function anglesText(degrees: readonly number[], turnStdsDeg: readonly (number | null)[]): string[] {
+  const surest = Math.min(...turnStdsDeg.filter((std) => std !== null));
+  return degrees.map((angle) => (Number.isFinite(surest) ? toSigma(wrapped(angle), surest) : fixed(wrapped(angle), 3)));
+}
+
 /** What was held at a value, of which its standard deviation says nothing. */
 export function heldText(value: number, unit: SmallUnit): ValueText {
   return { value: fixed(value, unit === "mm" ? 1 : 3), sigma: "held", unit };

@@ -221,6 +221,11 @@ function drawBars(chart: uPlot, lines: readonly Line[]) {
       const sigma = line.sigmas?.[i];
       if (value === null || at === undefined || sigma === null || sigma === undefined) return;
       const x = chart.valToPos(at, "x", true) + aside;
+      const off = beyond(value, chart.scales["y"]?.min ?? value, chart.scales["y"]?.max ?? value);
+      if (off !== 0) {
+        drawArrow(ctx, x, off > 0 ? bbox.top : bbox.top + bbox.height, off, dot);
+        return;
+      }
       ctx.beginPath();
       ctx.moveTo(x, chart.valToPos(value - sigma, "y", true));
       ctx.lineTo(x, chart.valToPos(value + sigma, "y", true));
@@ -231,6 +236,20 @@ function drawBars(chart: uPlot, lines: readonly Line[]) {
     });
   });
   ctx.restore();
+}
+
+/** On which side of an axis a value lies: 1 above it, -1 below, 0 on it. */
+export function beyond(value: number, low: number, high: number): -1 | 0 | 1 {
+  return value > high ? 1 : value < low ? -1 : 0;
+}
+
+/** A point that the axis does not reach, as an arrow at its end: left out, it would seem that there is none. */
+function drawArrow(ctx: CanvasRenderingContext2D, x: number, edge: number, up: 1 | -1, dot: number) {
+  ctx.beginPath();
+  ctx.moveTo(x, edge);
+  ctx.lineTo(x - 4 * dot, edge + up * 7 * dot);
+  ctx.lineTo(x + 4 * dot, edge + up * 7 * dot);
+  ctx.fill();
 }
 
 function shortNumber(value: number, digits = 4): string {

@@ -26,7 +26,7 @@ export interface InspectWish {
 }
 
 const shows: readonly Show[] = ["raw", "deskewed", "old", "both", "side", "wipe"];
-const extents: Record<string, Extent> = { "1": "map", surface: "surface" };
+const extents: Record<string, Extent> = { "0": "scan", "1": "map", surface: "surface" };
 const colorings: readonly ColorBy[] = ["plane", "time", "residual", "intensity"];
 
 function share(text: string | null): number {
@@ -40,19 +40,22 @@ function fitting(part: Partial<InspectWish>, query: URLSearchParams): Partial<In
   return laid && part.show !== undefined && part.show !== "deskewed" ? { ...part, extent: "map" } : part;
 }
 
-/** What to show, as the URL says it: a reload or a shared link shows the same. */
+/** What to show, as the URL says it: a reload or a shared link shows the same.
+ *
+ *  Where it says nothing, what the motion does to walls is seen best: in the map, whose walls are as thick as the motion is unknown,
+ *  raw and de-skewed side by side, coloured by how far points lie off. Both of one scan in one place are points among points. */
 export function readWish(query: URLSearchParams, firstScan: number): InspectWish {
   const scan = Number(query.get("scan") ?? firstScan);
   const old = parseOld(query.get("old") ?? "");
-  const extent = extents[query.get("map") ?? ""] ?? "scan";
-  const show = extent === "surface" ? "deskewed" : (shows.find((one) => one === query.get("show")) ?? "both");
+  const extent = extents[query.get("map") ?? ""] ?? "map";
+  const show = extent === "surface" ? "deskewed" : (shows.find((one) => one === query.get("show")) ?? "side");
   return {
     scan: Number.isInteger(scan) && scan >= 0 ? scan : 0,
     show: show === "old" && old === null ? "raw" : show,
     against: query.get("against") === "old" && old !== null ? "old" : "raw",
     extent,
     wipe: share(query.get("wipe")),
-    colorBy: colorings.find((color) => color === query.get("color")) ?? "plane",
+    colorBy: colorings.find((color) => color === query.get("color")) ?? "residual",
     nudge: parseNudge(query.get("nudge") ?? ""),
     old,
     leaveOut: parseSpans(query.get("out") ?? ""),
@@ -70,7 +73,7 @@ export function writeWish(old: URLSearchParams, change: Partial<InspectWish>): U
   if (part.scan !== undefined) put("scan", String(part.scan));
   if (part.show !== undefined) put("show", part.show);
   if (part.against !== undefined) put("against", part.against === "old" ? "old" : "");
-  if (part.extent !== undefined) put("map", { scan: "", map: "1", surface: "surface" }[part.extent]);
+  if (part.extent !== undefined) put("map", { scan: "0", map: "1", surface: "surface" }[part.extent]);
   if (part.wipe !== undefined) put("wipe", part.wipe.toFixed(3));
   if (part.colorBy !== undefined) put("color", part.colorBy);
   if (part.nudge !== undefined) put("nudge", writeNudge(part.nudge));

@@ -137,9 +137,12 @@ export function JobProgress({ run, jobId, expected = [], titles = {} }: JobProgr
                 {titles[name] ?? stageTitles[name]}
                 <span className="sr-only">{stageWords[state]}</span>
               </span>
-              <span className="num dim">
+              <span
+                className="num dim"
+                {...(seen?.kept === true ? { title: "Done by an earlier run of this recording, and used again" } : {})}
+              >
                 {seen?.kept === true
-                  ? "kept"
+                  ? "kept from before"
                   : state === "active" && seen !== undefined
                     ? `${percentOf(seen.fraction)} %`
                     : ""}

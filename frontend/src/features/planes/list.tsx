@@ -179,8 +179,9 @@ function PatchRow({ patch, upright, remark, all, apply, rename, onRestrict }: Ro
   );
 }
 
-function thousands(n: number): string {
-  return n < 9_950 ? count(n) : `${(n / 1000).toFixed(0)}k`;
+/** In one form from row to row: 59k above 9.5k. */
+export function thousands(n: number): string {
+  return n < 1_000 ? count(n) : `${(n / 1000).toFixed(n < 9_950 ? 1 : 0)}k`;
 }
 
 function NoPlanes() {

@@ -10,22 +10,39 @@ import { useChangeView, useStartJob } from "../../api/changes";
 import { useEditPlanes } from "../../api/planes";
 import { resultQuery } from "../../api/queries";
 import { Icon } from "../../ui/icons";
-import { Fault, Notice } from "../../ui/notice";
+import { Fault, Notice, StateBox } from "../../ui/notice";
 import { Panel } from "../../ui/panel";
 import { useShortcuts } from "../../ui/shortcuts";
 import { planesOf } from "../../ui/words";
 import { JobProgress } from "../jobs/progress";
 import { stagesOfPlanes } from "../jobs/timeleft";
+import { lacksSensor } from "../recording/sensors";
 import { standingOf } from "../start/standing";
 import { useWorkspace } from "../workspace/context";
+import layout from "../workspace/layout.module.css";
 import { ClickMode } from "./clickmode";
 import { determines, DeterminacyMeter } from "./determinacy";
 import { cautionOf, lastSolve, remarksOf } from "./leftout";
 import { PatchList } from "./list";
 import css from "./planes.module.css";
 
-/** The static cloud with its planes: confirm, drop, grow, merge, and see whether they determine the answer. */
+/** The planes, or why none are looked for. */
 export function PlanesScreen() {
+  const { recording } = useWorkspace();
+  return lacksSensor(recording.report) ? (
+    <div className={layout.whole}>
+      <StateBox title="There is nothing to choose planes for">
+        <p>{recording.report?.reasons[0]}</p>
+        <BackToRecording id={recording.id} />
+      </StateBox>
+    </div>
+  ) : (
+    <PlanesOf />
+  );
+}
+
+/** The static cloud with its planes: confirm, drop, grow, merge, and see whether they determine the answer. */
+function PlanesOf() {
   const { recording, planes, jobs, runs, returns } = useWorkspace();
   const navigate = useNavigate();
   const { mutate: changeView } = useChangeView(recording.id);

@@ -15,22 +15,26 @@ export function Evidence({ timeline }: { timeline: DoctorReport["timeline"] }) {
   const steps = timeline.scan_t_s.slice(1).map((t, i) => (t - (timeline.scan_t_s[i] ?? t)) * 1000);
   return (
     <section className={css.plots} aria-label="Readings">
-      <LinePlot
-        label="Rate of turn"
-        x={timeline.t_s}
-        lines={perAxis(timeline.rotation_deg_s)}
-        xUnit="s"
-        yUnit="°/s"
-        height={130}
-      />
-      <LinePlot
-        label="Acceleration"
-        x={timeline.t_s}
-        lines={perAxis(timeline.acceleration_m_s2)}
-        xUnit="s"
-        yUnit="m/s²"
-        height={130}
-      />
+      {timeline.t_s.length > 0 && (
+        <>
+          <LinePlot
+            label="Rate of turn"
+            x={timeline.t_s}
+            lines={perAxis(timeline.rotation_deg_s)}
+            xUnit="s"
+            yUnit="°/s"
+            height={130}
+          />
+          <LinePlot
+            label="Acceleration"
+            x={timeline.t_s}
+            lines={perAxis(timeline.acceleration_m_s2)}
+            xUnit="s"
+            yUnit="m/s²"
+            height={130}
+          />
+        </>
+      )}
       {steps.length > 0 && (
         <LinePlot
           label="Time from scan to scan, as received"

@@ -71,7 +71,7 @@ export function Reading({ recording }: { recording: Recording }) {
             asked.current = box.current?.open === false;
           }}
         >
-          Say what was recognised wrongly
+          Correct what was recognised
         </summary>
         <div className={css.readingGrid}>
           {(Object.keys(units) as Choice[]).map((key) => (

@@ -38,8 +38,9 @@ export function Report({ recording, report, planes, children }: ReportProps) {
     const wanted = fixOf(override);
     if (wanted !== null) change.mutate(wanted);
   };
-  const problems = report.findings.filter((finding) => finding.level !== "info");
-  const recognised = report.findings.filter((finding) => finding.level === "info");
+  const findings = settledFindings(report);
+  const problems = findings.filter((finding) => finding.level !== "info");
+  const recognised = findings.filter((finding) => finding.level === "info");
   return (
     <div className={css.report}>
       {report.final ? <Verdict recording={recording} report={report} change={change} /> : children}
@@ -87,6 +88,17 @@ export function Report({ recording, report, planes, children }: ReportProps) {
       />
     </div>
   );
+}
+
+/** Those that nothing is still to come about: what unit the gyroscope reads in is told by the lidar's turning, so that until a lidar
+ *  is chosen it is a guess that nobody has to settle. */
+export function settledFindings({
+  findings,
+  lidar,
+  lidar_candidates,
+}: Pick<DoctorReport, "findings" | "lidar" | "lidar_candidates">): FindingReport[] {
+  const chosen = lidar !== null || lidar_candidates.length < 2;
+  return findings.filter(({ code, confidence }) => chosen || code !== "imu.gyroscope_unit" || confidence >= 0.95);
 }
 
 interface VerdictProps {

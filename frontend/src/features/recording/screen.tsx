@@ -18,7 +18,7 @@ import { hasArrived } from "../workspace/state";
 import { Note } from "./note";
 import { Report } from "./report";
 import { Reading } from "./reading";
-import { openChoices, Sensors } from "./sensors";
+import { lacksSensor, openChoices, Sensors } from "./sensors";
 import css from "./recording.module.css";
 
 /** What the recording holds, what stands in its way, and which part of it to use. */
@@ -30,9 +30,10 @@ export function RecordingScreen() {
   const { report } = recording;
   // Without a sensor there is nothing to look for planes in.
   const choosing = report !== null && report !== undefined && openChoices(report).length > 0;
+  const lacking = lacksSensor(report);
   useShortcuts(
     "Recording",
-    arrived
+    arrived && !lacking
       ? [
           ...(choosing ? [] : [{ keys: "Enter", label: "Choose planes", run: goOn }]),
           { keys: "a", label: "Audit an extrinsic", run: () => void navigate(`/r/${recording.id}/audit`) },
@@ -49,15 +50,21 @@ export function RecordingScreen() {
       <Panel
         title="Sensors"
         footer={
-          <Button
-            fullWidth
-            disabled={!arrived || choosing}
-            variant={report?.final === true && report.verdict === "unusable" ? "default" : "filled"}
-            onClick={goOn}
-            rightSection={<Icon name="next" />}
-          >
-            Choose planes
-          </Button>
+          lacking ? (
+            <Button fullWidth component={Link} to="/" variant="default">
+              Open another recording
+            </Button>
+          ) : (
+            <Button
+              fullWidth
+              disabled={!arrived || choosing}
+              variant={report?.final === true && report.verdict === "unusable" ? "default" : "filled"}
+              onClick={goOn}
+              rightSection={<Icon name="next" />}
+            >
+              Choose planes
+            </Button>
+          )
         }
       >
         <Section title="File">
@@ -74,7 +81,7 @@ export function RecordingScreen() {
           </p>
           <Note key={recording.note} recording={recording} />
         </Section>
-        {arrived && (
+        {arrived && !lacking && (
           <Section title="In use already?">
             <div className={css.audit}>
               <p className="dim small">Hold the extrinsic that you use now against this recording.</p>
@@ -85,7 +92,9 @@ export function RecordingScreen() {
           </Section>
         )}
         <Sensors recording={recording} />
-        {hasArrived(recording) || recording.state === "failed" ? <Reading recording={recording} /> : null}
+        {hasArrived(recording) || (recording.state === "failed" && !isNoRecording(recording)) ? (
+          <Reading recording={recording} />
+        ) : null}
       </Panel>
     </>
   );
@@ -156,7 +165,10 @@ function Uploading({ recording }: { recording: Recording }) {
         )}
         {upload === undefined ? (
           <>
-            <p>Choose or drop the same file again, {recording.name}: it goes on where it stopped.</p>
+            <p>
+              Choose or drop the same file again, {recording.name}:{" "}
+              {sent === 0 ? "it begins anew, for none of it had arrived." : "it goes on from there."}
+            </p>
             <div className={css.uploadActions}>
               <Button size="compact-sm" leftSection={<Icon name="file" size={13} />} onClick={chooseFile}>
                 Choose the file
@@ -213,20 +225,33 @@ function Inspecting({ job }: { job: Job | null }) {
   );
 }
 
+/** Whether the file itself cannot be opened, so that not even its topics are known: saying how its sensors are read helps nothing. */
+export function isNoRecording({ error, report }: Pick<Recording, "error" | "report">): boolean {
+  return error?.code === "recording.unreadable" && (report === null || report === undefined);
+}
+
 function Failed({ recording, job }: { recording: Recording; job: Job | null }) {
   const retry = useRetryJob();
   const change = useChangeRecording(recording.id);
   const candidates = recording.error?.details?.candidates ?? [];
   // What was stopped says nothing of the recording.
   const stopped = job?.state === "interrupted" || job?.state === "cancelled";
+  // A file that was sent stays as it is; one in the server's folder may have been mended since.
+  const helpless = !stopped && isNoRecording(recording) && recording.origin === "upload";
   return (
     <div className={css.failed}>
-      <h1>{stopped ? "This recording has not been read yet" : "This recording cannot be used as it is"}</h1>
+      <h1>
+        {stopped
+          ? "This recording has not been read yet"
+          : isNoRecording(recording)
+            ? "This file cannot be read"
+            : "This recording cannot be used as it is"}
+      </h1>
       <Notice level={stopped ? "warning" : "error"}>
         {recording.error?.text ?? "The server gave no reason; its log says more."}
       </Notice>
       <div className={css.failedActions}>
-        {job !== null && (
+        {job !== null && !helpless && (
           <Button
             variant={stopped ? "filled" : "default"}
             loading={retry.isPending}
@@ -235,7 +260,7 @@ function Failed({ recording, job }: { recording: Recording; job: Job | null }) {
             Try again
           </Button>
         )}
-        <Button component={Link} to="/" variant="default">
+        <Button component={Link} to="/" variant={helpless ? "filled" : "default"}>
           Open another one
         </Button>
       </div>

@@ -31,7 +31,7 @@ export function Sensors({ recording }: { recording: Recording }) {
           onChoose={(topic) => change.mutate({ lidar_topic: topic })}
           disabled={change.isPending}
         />
-        <Facts facts={lidarFacts(report)} coming={!report.final && report.lidar === null} />
+        <Facts facts={lidarFacts(report)} report={report} of="lidar" />
       </Section>
       <Section title="IMU">
         <TopicChoice
@@ -41,7 +41,7 @@ export function Sensors({ recording }: { recording: Recording }) {
           onChoose={(topic) => change.mutate({ imu_topic: topic })}
           disabled={change.isPending}
         />
-        <Facts facts={imuFacts(report)} coming={!report.final && report.imu === null} />
+        <Facts facts={imuFacts(report)} report={report} of="imu" />
       </Section>
       {change.isError && <Fault error={change.error} />}
       <Section title="Topics">
@@ -57,6 +57,16 @@ export function Sensors({ recording }: { recording: Recording }) {
       </Section>
     </>
   );
+}
+
+/** Whether a recording holds no such sensor at all, as far as that is known. */
+function isMissing(report: DoctorReport, of: "lidar" | "imu"): boolean {
+  return report.final && report[of] === null && report[`${of}_candidates`].length === 0;
+}
+
+/** Whether one of the two sensors is not there, without which nothing can be done with a recording. */
+export function lacksSensor(report: DoctorReport | null | undefined): boolean {
+  return report !== null && report !== undefined && (isMissing(report, "lidar") || isMissing(report, "imu"));
 }
 
 /** The choices without which nothing is known of the recording, and which only a person can make; none where all are made. */
@@ -108,9 +118,12 @@ function TopicChoice({ label, candidates, value, onChoose, disabled }: TopicChoi
   );
 }
 
-/** coming: whether they are still being found. */
-function Facts({ facts, coming }: { facts: readonly Fact[]; coming: boolean }) {
-  if (coming) return <Skeleton height={120} />;
+/** What was found of a sensor; that it is still being looked for, or that there is none. */
+function Facts({ facts, report, of }: { facts: readonly Fact[]; report: DoctorReport; of: "lidar" | "imu" }) {
+  if (report[of] === null) {
+    if (!report.final) return <Skeleton height={120} />;
+    if (isMissing(report, of)) return <p className="dim small">There is none in this recording.</p>;
+  }
   return (
     <dl className={css.facts}>
       {facts.map(([name, value]) => (

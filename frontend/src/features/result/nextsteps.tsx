@@ -4,6 +4,7 @@ import { Fragment, type ReactNode } from "react";
 import { Link, useNavigate } from "react-router";
 import type { CalibrationResult, ChangeRecording, Recording, Run } from "../../api/client";
 import { useChangeRecording } from "../../api/changes";
+import { planesQuery } from "../../api/planes";
 import { factsQuery } from "../../api/queries";
 import { LeaveOut } from "./culprits";
 import { GuideButton } from "../guide/dialog";
@@ -44,16 +45,51 @@ export function otherUnit(
 
 export type Step = "record" | "measure" | "unit" | "reading" | "planes" | "settings";
 
-/** What helps most, by what the run said; null where nothing stands out. */
+/** How many of the planes that were found a solve did without, where these and no others would have it face three ways. */
+export function missedPlanes(
+  used: readonly { normal: readonly number[] }[],
+  found: readonly { normal: readonly number[] }[],
+): number {
+  return faceThreeWays(used) || !faceThreeWays(found) ? 0 : Math.max(0, found.length - used.length);
+}
+
+/** The volume that three normals span, least for planes that face three ways: they stand some 17 degrees out of a common plane. */
+const threeWays = 0.3;
+
+function faceThreeWays(planes: readonly { normal: readonly number[] }[]): boolean {
+  const normals = planes.map(({ normal: [x = 0, y = 0, z = 0] }) => [x, y, z] as const);
+  return normals.some((a, i) =>
+    normals
+      .slice(i + 1)
+      .some((b, j) =>
+        normals
+          .slice(i + j + 2)
+          .some(
+            (c) =>
+              Math.abs(
+                a[0] * (b[1] * c[2] - b[2] * c[1]) +
+                  a[1] * (b[2] * c[0] - b[0] * c[2]) +
+                  a[2] * (b[0] * c[1] - b[1] * c[0]),
+              ) > threeWays,
+          ),
+      ),
+  );
+}
+
+/** What helps most, by what the run said; null where nothing stands out.
+ *
+ *  missed: planes that were found and not used, and without which the others do not face three ways. */
 export function firstStep(
   status: CalibrationResult["status"],
   codes: readonly string[],
   unit: Unit | null,
+  missed = 0,
 ): Step | null {
   const about = (...starts: string[]) => codes.some((code) => starts.some((start) => code.startsWith(start)));
   if (unit !== null && about("imu.gyroscope_unit", "imu.accelerometer_unit")) return "unit";
   if (about("imu.axis_signs", "points.")) return "reading";
   if (about("prior.", "start.guess")) return "settings"; // what was given has to be corrected
+  if (status === "weak" && missed > 0) return "planes";
   if (status === "weak" || about("motion.", "start.too_short")) return "record";
   if (about("planes.doubted")) return null; // it has a button of its own
   if (about("planes.", "solve.", "start.", "paper.")) return "planes";
@@ -103,10 +139,13 @@ export function NextSteps({ recording, run, result }: NextStepsProps) {
     recording,
     gravest.map((message) => message.text),
   );
+  const found = useQuery({ ...planesQuery(recording.id), enabled: recording.has_planes }).data?.patches ?? [];
+  const missed = missedPlanes(result.quality.planes, found);
   const first = firstStep(
     result.status,
     gravest.map((message) => message.code),
     unit,
+    missed,
   );
   const known = contradicted(
     gravest.filter(({ code }) => code.startsWith("prior.")).map(({ text }) => text),
@@ -148,7 +187,7 @@ export function NextSteps({ recording, run, result }: NextStepsProps) {
         {...look("planes")}
         leftSection={<Icon name="previous" size={13} />}
       >
-        Back to the planes
+        {missed > 0 ? `Back to the planes: ${missed} of ${found.length} were left out` : "Back to the planes"}
       </Button>
     ),
     settings: (

@@ -19,7 +19,8 @@ export function PartsSection({ result, crossings }: { result: CalibrationResult;
       <h2>Stretch by stretch</h2>
       <p className={css.seen}>
         What each of {blocks.length} stretches would answer alone, less the answer above; bars are one standard
-        deviation. Two thirds of the bars or more should cross zero, without a trend{crossings && `: ${crossings}`}.
+        deviation, an arrow a point beyond the plot. Two thirds of the bars or more should cross zero, without a trend
+        {crossings && `: ${crossings}`}.
       </p>
       <div className={css.parts}>
         {plotsOf(blocks).map((plot) => (

@@ -2,7 +2,7 @@ import { SegmentedControl } from "@mantine/core";
 import type { CalibrationResult, Limits } from "../../api/client";
 import { useOwnLimits } from "../../api/ownlimits";
 import { useLimits, useUsualLimits } from "../../api/queries";
-import { fixed, heldText, plusMinus, toSigma, twoDigits, withSigma, type ValueText } from "../../ui/format";
+import { anglesText, fixed, heldText, plusMinus, toSigma, twoDigits, withSigma, type ValueText } from "../../ui/format";
 import { distanceOf } from "./distance";
 import { Frames } from "./frames";
 import { CopyBox } from "./copybox";
@@ -17,7 +17,6 @@ interface PoseCardProps {
 }
 
 const axes = ["x", "y", "z"] as const;
-const angles = ["Roll", "Pitch", "Yaw"] as const;
 
 /** The transform in either direction, the time offset, and one standard deviation of each number. */
 export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps) {
@@ -61,12 +60,20 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
                 share={(pose.translationStdM[i] ?? 0) / limits.translation_m}
               />
             ))}
-            {angles.map((angle, i) => (
+            <tr>
+              <th scope="row">Roll, pitch, yaw</th>
+              <td className={`num ${css.angles ?? ""}`} colSpan={2}>
+                {anglesText(pose.eulerDeg, pose.rotationStdDeg).join("  ")}
+              </td>
+              <td className={css.unit}>°</td>
+              <td className={css.share} />
+            </tr>
+            {axes.map((axis, i) => (
               <NumberRow
-                key={angle}
-                axis={axes[i] ?? "x"}
-                name={angle}
-                text={withSigma(pose.eulerDeg[i] ?? 0, pose.rotationStdDeg[i] ?? 0, "°")}
+                key={`turn ${axis}`}
+                axis={axis}
+                name={`About ${from} ${axis}`}
+                text={{ ...withSigma(0, pose.rotationStdDeg[i] ?? 0, "°"), value: "" }}
                 share={(pose.rotationStdDeg[i] ?? 0) / limits.rotation_deg}
               />
             ))}
@@ -87,10 +94,11 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
         />
       </div>
       <p className="dim small">
-        The bar is one standard deviation against {own === null ? "the limit of a weak answer" : "your own limit"} (
-        {shortLimits(limits)}), on a logarithmic scale; angles turn about the {from}&rsquo;s axes. A reading stamped t
-        by the IMU was taken at t {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the lidar&rsquo;s
-        clock{clockText(result)}.
+        The bar is one standard deviation, the line across it{" "}
+        {own === null ? "the limit of a weak answer" : "your own limit"} ({shortLimits(limits)}). R = Rz(yaw) Ry(pitch)
+        Rx(roll); how sure it is, turns about the {from}&rsquo;s own axes say. A reading stamped t by the IMU was taken
+        at t {offsetS < 0 ? "−" : "+"} {fixed(Math.abs(offsetS) * 1000, 3)} ms of the lidar&rsquo;s clock
+        {clockText(result)}.
       </p>
       <div className={css.copies}>
         <CopyBox
@@ -136,12 +144,13 @@ interface NumberRowProps {
   share: number;
 }
 
-const decades = 3.5;
+/** Of the bar's track, how much lies before the limit: what is beyond it shows as beyond. */
+const beforeLimit = 0.75;
 
 function NumberRow({ axis, name, text, share }: NumberRowProps) {
   // Not estimated, so that its standard deviation is nobody's finding.
   const held = text.sigma === "held";
-  const length = Math.max(0.02, Math.min(1, 1 + Math.log10(Math.max(share, 1e-9)) / decades));
+  const percent = (part: number) => `${100 * Math.min(1, part * beforeLimit)}%`;
   return (
     <tr>
       <th scope="row" data-axis={axis}>
@@ -151,7 +160,12 @@ function NumberRow({ axis, name, text, share }: NumberRowProps) {
       <td className={`num ${css.sigma ?? ""}`}>{plusMinus(text)}</td>
       <td className={css.unit}>{text.unit}</td>
       <td className={css.share} aria-hidden="true">
-        {!held && <span data-weak={share > 1} style={{ width: `${length * 100}%` }} />}
+        {!held && (
+          <span className={css.track}>
+            <span data-weak={share > 1} style={{ width: percent(share) }} />
+            <i style={{ left: percent(1) }} />
+          </span>
+        )}
       </td>
     </tr>
   );

@@ -1,4 +1,5 @@
-import { fixed, heldText, plusMinus, withSigma, wrapped } from "../../ui/format";
+import { Fragment } from "react";
+import { fixed, heldText, plusMinus, withSigma } from "../../ui/format";
 import type { Parameter } from "./parameters";
 import css from "./solve.module.css";
 
@@ -40,37 +41,57 @@ export function Funnel({ parameter }: { parameter: Parameter }) {
   );
 }
 
-export function ParameterTable({ parameters }: { parameters: readonly Parameter[] }) {
+interface ParameterTableProps {
+  parameters: readonly Parameter[];
+  /** Roll, pitch and yaw; null before the first round. */
+  angles: readonly string[] | null;
+}
+
+export function ParameterTable({ parameters, angles }: ParameterTableProps) {
   return (
     <table className={css.parameters}>
       <caption className="sr-only">The answer so far, with one standard deviation</caption>
       <tbody>
-        {parameters.map((parameter) => {
-          const value = parameter.values.at(-1);
-          const sigma = parameter.sigmas.at(-1);
-          const shownValue = value !== undefined && parameter.unit === "°" ? wrapped(value) : value;
-          const text =
-            shownValue === undefined || sigma === undefined
-              ? null
-              : sigma === null
-                ? heldText(shownValue, parameter.unit)
-                : withSigma(shownValue, sigma, parameter.unit);
-          return (
-            <tr key={parameter.key}>
-              <th scope="row" data-axis={parameter.axis}>
-                {parameter.name}
-              </th>
-              <td>
-                <Funnel parameter={parameter} />
-              </td>
-              <td className="num">{text === null ? "–" : text.value}</td>
-              <td className={`num ${css.sigma ?? ""}`}>{text === null ? "" : plusMinus(text)}</td>
-              <td className={css.unit}>{text?.unit ?? parameter.unit}</td>
-            </tr>
-          );
-        })}
+        {parameters.map((parameter) => (
+          <Fragment key={parameter.key}>
+            {parameter.key === "rx" && (
+              <tr>
+                <th scope="row">Roll, pitch, yaw</th>
+                <td className={`num ${css.angles ?? ""}`} colSpan={3}>
+                  {angles?.join("  ") ?? "–"}
+                </td>
+                <td className={css.unit}>°</td>
+              </tr>
+            )}
+            <ParameterRow parameter={parameter} />
+          </Fragment>
+        ))}
       </tbody>
     </table>
+  );
+}
+
+function ParameterRow({ parameter }: { parameter: Parameter }) {
+  const value = parameter.values.at(-1);
+  const sigma = parameter.sigmas.at(-1);
+  const text =
+    value === undefined || sigma === undefined
+      ? null
+      : sigma === null
+        ? heldText(value, parameter.unit)
+        : withSigma(value, sigma, parameter.unit);
+  return (
+    <tr>
+      <th scope="row" data-axis={parameter.axis}>
+        {parameter.name}
+      </th>
+      <td>
+        <Funnel parameter={parameter} />
+      </td>
+      <td className="num">{parameter.unit === "°" ? "" : (text?.value ?? "–")}</td>
+      <td className={`num ${css.sigma ?? ""}`}>{text === null ? "" : plusMinus(text)}</td>
+      <td className={css.unit}>{text?.unit ?? parameter.unit}</td>
+    </tr>
   );
 }
 

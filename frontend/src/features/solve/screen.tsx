@@ -15,7 +15,7 @@ import { NextSteps } from "../result/nextsteps";
 import { useWorkspace } from "../workspace/context";
 import { ParameterTable, ResidualBars } from "./funnel";
 import { SolveOptions } from "./options";
-import { answerOf, costs, parametersOf } from "./parameters";
+import { anglesOf, answerOf, costs, parametersOf } from "./parameters";
 import { JobProgress } from "../jobs/progress";
 import css from "./solve.module.css";
 import { useStraightening } from "./straightening";
@@ -112,7 +112,7 @@ export function SolveScreen() {
                 loading={retry.isPending}
                 onClick={() => retry.mutate(jobId, { onSuccess: follow })}
               >
-                Run again
+                Once more as it was
               </Button>
             }
           >
@@ -162,15 +162,11 @@ interface EstimateProps {
 /** The numbers of the last iteration, and how the run came to them. */
 function Estimate({ run, looks, answer }: EstimateProps) {
   const last = run.iterations.at(-1);
+  const answers = [...run.iterations, ...answerOf(answer, run.job?.settings.estimate_time_offset === false)];
   return (
     <>
       <Section title={answer !== null ? "Answer" : "Answer so far"}>
-        <ParameterTable
-          parameters={parametersOf([
-            ...run.iterations,
-            ...answerOf(answer, run.job?.settings.estimate_time_offset === false),
-          ])}
-        />
+        <ParameterTable parameters={parametersOf(answers)} angles={anglesOf(answers)} />
       </Section>
       <Section title="Cost">
         <CostPlot iterations={run.iterations} />

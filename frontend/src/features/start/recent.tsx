@@ -156,7 +156,7 @@ function Row({ recording, onOpen }: { recording: Recording; onOpen: (id: string)
           </Menu.Item>
           <Menu.Item
             leftSection={<Icon name="trash" />}
-            {...(sure ? { color: "red" } : {})}
+            className={sure ? (css.sure ?? "") : ""}
             closeMenuOnClick={false}
             onClick={(event) => {
               if (isSecondOfDouble(event)) return;

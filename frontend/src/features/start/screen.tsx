@@ -46,7 +46,7 @@ export function StartScreen() {
       <main className={css.start}>
         <div className={css.hero}>
           <div className={css.intro}>
-            <h1>Where is the lidar on the IMU, and when?</h1>
+            <h1>Where the lidar sits on the IMU, and how far their clocks are apart</h1>
             <p>
               One recording of a moving rig in a room with walls gives the transform and the time offset between the two
               sensors, with an error bar on every axis.

@@ -25,7 +25,7 @@ interface Uploads {
 }
 
 /** What is lost of a broken connection at most, and what the browser keeps in memory to hash. */
-const chunkBytes = 32 * 1024 * 1024;
+const chunkBytes = 8 * 1024 * 1024;
 /** Refusals that are no fault of the file: somebody else writes, the offset has moved, bytes changed on the way. */
 const passingStatuses = [409, 423, 460];
 const UploadContext = createContext<Uploads | null>(null);

@@ -62,12 +62,13 @@ function Used({ use }: { use: StorageUse }) {
 
 /** The disk, the quota and how long things stay, in one or two sentences. */
 export function sentenceOf(use: StorageUse): string {
-  const most = use.quota_bytes ?? use.disk_total_bytes;
   const left = Math.max(0, use.disk_free_bytes - use.kept_free_bytes);
   const room = use.quota_bytes === null ? left : Math.min(left, Math.max(0, use.quota_bytes - use.used_bytes));
   const stays =
     use.keep_days === null
       ? "Everything stays until somebody removes it."
       : `What nobody has used for ${use.keep_days} ${use.keep_days === 1 ? "day" : "days"} is removed.`;
-  return `${bytes(use.used_bytes)} of ${bytes(most)} are taken; there is room for ${bytes(room)} more. ${stays}`;
+  const taken = use.quota_bytes === null ? "" : ` of the ${bytes(use.quota_bytes)} allowed`;
+  // The disk holds other things, too: its size is no measure of what is left.
+  return `Recordings and results take ${bytes(use.used_bytes)}${taken}; there is room for ${bytes(room)} more. ${stays}`;
 }

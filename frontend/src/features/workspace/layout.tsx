@@ -11,6 +11,7 @@ import { Shell } from "../../ui/shell";
 import type { StepName } from "../../ui/stepper";
 import type { Workspace } from "./context";
 import css from "./layout.module.css";
+import { lacksSensor } from "../recording/sensors";
 import { NotFound } from "./notfound";
 import { useReturns } from "./returns";
 import { ScenePane } from "./scene";
@@ -51,7 +52,7 @@ function OneRecording({ recordingId }: { recordingId: string }) {
     };
   }, [name]);
 
-  const showsScene = current !== null && withScene.includes(current) && arrived;
+  const showsScene = current !== null && withScene.includes(current) && arrived && !lacksSensor(recording.data?.report);
   const steps = stepsOf(recording.data, planes.data, runs.data?.runs ?? [], "", seen);
   const looked = current === "inspect" || current === "result" ? current : null;
   const lookedRun = chosenRun(runs.data?.runs ?? [], query.get("job"))?.job.id;

@@ -2,6 +2,7 @@ import type { Job, Planes, Recording, Run } from "../../api/client";
 import { isFinal } from "../../api/jobstream";
 import type { Step } from "../../ui/stepper";
 import { determines } from "../planes/determinacy";
+import { lacksSensor } from "../recording/sensors";
 import { lookOf, type Looked, type Seen } from "./seen";
 
 /** The runs that ended with a document to show, newest first. */
@@ -33,6 +34,20 @@ export function hasArrived(recording: Recording | undefined): boolean {
   return recording?.state === "ready" || recording?.state === "inspecting";
 }
 
+/** What cannot be used is not done with. */
+function recordingState(recording: Recording | undefined): Step["state"] {
+  switch (recording?.state) {
+    case "receiving":
+    case "inspecting":
+      return "busy";
+    case "ready":
+      return recording.report?.verdict === "unusable" ? "open" : "done";
+    case "failed":
+    case undefined:
+      return "open";
+  }
+}
+
 /** Which steps can be entered, which are done, and why the others wait.
  *
  *  Done is what was done, not what could be: planes are once a solve was asked for with such as determine the answer, and an
@@ -46,18 +61,18 @@ export function stepsOf(
 ): Step[] {
   const base = recording === undefined ? undefined : `/r/${recording.id}`;
   const to = (name: string) => (base === undefined ? {} : { to: `${base}/${name}${query}` });
-  const ready = recording?.state === "ready";
-  const arrived = hasArrived(recording);
+  const lacking = lacksSensor(recording?.report);
+  const arrived = hasArrived(recording) && !lacking;
   const job = recording?.latest_job;
   const solved = finishedRuns(runs);
   const newest = solved[0];
   const solving = busy(job, "solve");
   const lookedAt = (what: Looked, run: Run) => (seen.has(lookOf(what, run.job.id)) ? "done" : "open");
-  const waits = "The recording has to be read first";
+  const waits = lacking ? "This recording lacks one of the two sensors" : "The recording has to be read first";
   return [
     {
       name: "recording",
-      state: recording === undefined ? "open" : ready ? "done" : recording.state === "failed" ? "open" : "busy",
+      state: recordingState(recording),
       ...to("recording"),
     },
     arrived
