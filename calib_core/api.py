@@ -556,7 +556,8 @@ def simulate(
 ) -> Path:
     """Write a recording with known truth to `out`; returns the path of the truth, a JSON file beside it.
 
-    scenario: one of `scenarios()`.   out: .bag for ROS 1, .mcap, or without suffix a ROS 2 folder.
+    scenario: one of `scenarios()`, behind another lidar as in `handheld+os1`.
+    out: .bag for ROS 1, .mcap, or without suffix a ROS 2 folder.
     wishes: seed, mounting, time_offset_s, duration_s and the like; see `calib_core.simulate.wishes`.
     faults: names with commas between them, each with a size if wanted, such as `industrial` or `laser-offsets=0.008`.
     Raises SettingsError where scenario, faults or `out` are not as said, Cancelled.

@@ -6,8 +6,10 @@ import ipaddress
 import os
 import secrets
 import socket
+import subprocess
 import sys
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
@@ -42,22 +44,32 @@ def serve_until_stopped(
     )
     listening = listen(settings.host, settings.port)
     with listening:
-        sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
-        sys.stderr.flush()
-        compiling = compile_in_background()
-        if compiling is not None:
-            sys.stderr.write("Compiling for this machine in the background, once; until it is done, jobs take longer\n")
+        compiling: list[subprocess.Popen[bytes]] = []
         # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
         log_to_stderr(as_json=settings.log_json)
-        server = make_server(settings)
+        where = address(settings, listening.getsockname()[1])
+        server = make_server(settings, on_started=partial(_tell_started, where, compiling))
         try:
             with suppress(KeyboardInterrupt):
                 server.run(sockets=[listening])
         finally:
-            if compiling is not None:
-                end(compiling)
+            for process in compiling:
+                end(process)
             if server.startup_error is not None:
                 raise InputError(str(server.startup_error), code=server.startup_error.code) from None
+
+
+def _tell_started(where: str, compiling: list[subprocess.Popen[bytes]]) -> None:
+    """Say that the server can be used, and where; only now: until then it may turn out that its data directory cannot be.
+
+    compiling: gets the process that compiles the loops, where that is still to do.
+    """
+    sys.stderr.write(f"unsweep is at {where} (Ctrl-C stops it)\n")
+    begun = compile_in_background()
+    if begun is not None:
+        compiling.append(begun)
+        sys.stderr.write("Compiling for this machine in the background, once; until it is done, jobs take longer\n")
+    sys.stderr.flush()
 
 
 def server_settings(

@@ -127,10 +127,8 @@ def own_sigmas(given: GivenExtrinsic, limits: Limits) -> list[str]:
     if shares[worst] <= 1.0:
         return []
     said = std_text(*in_si(float(stds[worst]), _UNITS[worst]))
-    return [
-        f"The given file says of its own {AXIS_WORDS[COVARIANCE_ORDER[worst]]} that it is known to {said} (1 sigma); its numbers are "
-        "judged as they stand, by this recording's sigmas."
-    ]
+    text = f"The given file says of its own {AXIS_WORDS[COVARIANCE_ORDER[worst]]} that it is known to {said} (1 sigma)"
+    return [f"{text}; its numbers are judged as they stand, by this recording's sigmas."]
 
 
 def _distances(one: FloatArray, other: FloatArray) -> tuple[float, float]:

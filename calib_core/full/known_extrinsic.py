@@ -74,8 +74,8 @@ def held_motion(
         solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
     except Refused as refused:
         raise InputError(
-            f"Expected the calibration of the sensors of {recording.name}, but that by {result.provenance.recording.name} does not "
-            f"fit this recording: {refused}; name the calibration of this rig, or calibrate this recording.",
+            f"Expected the calibration of the sensors of {recording.name}, but that by {result.provenance.recording.name} does "
+            f"not fit this recording: {refused}; name the calibration of this rig, or calibrate this recording.",
             code="deskew.other_calibration",
         ) from refused
     if solved is None:
@@ -126,7 +126,7 @@ def _solved_motion(
     on_event: OnEvent,
     should_cancel: ShouldCancel,
 ) -> Trajectory | None:
-    """The motion by the joint solve; None where the recording does not give it. Raises Refused where it refutes the calibration."""
+    """The motion by the joint solve; None where the recording gives none. Raises Refused where it refutes the calibration."""
     try:
         require_length(recording, "the motion")
         with one_blas_thread():

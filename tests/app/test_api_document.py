@@ -25,6 +25,7 @@ ROUTES = [
     if isinstance(route, APIRoute) and route.include_in_schema
 ]
 GUIDE = Path(__file__).resolve().parents[2] / "docs" / "api.md"
+README = GUIDE.parents[1] / "README.md"
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +134,23 @@ def test_the_guides_script_runs(live, tmp_path, capsys):
     recording = live.http.get("/api/recordings").json()[0]
     names = [patch["name"] for patch in live.http.get(f"/api/recordings/{recording['id']}/planes").json()["patches"]]
     assert names[0] == "wall A"
+
+
+@pytest.mark.parametrize(("name", "ends"), [("room.bag", "matrix"), ("broken.bag", "porridge")])
+def test_the_readmes_script_runs_and_ends(live, tmp_path, capsys, name, ends):
+    """With a recording that cannot be read, too: it asked for ever. Mutation: the loop until `ready` alone."""
+    readme = README.read_text(encoding="utf-8").partition("\n## HTTP\n")[2]
+    (script,) = re.findall(r"```python\n(.*?)```", readme, flags=re.DOTALL)
+    bag = tmp_path / name
+    bag.write_bytes(b"some bytes")
+    script = script.replace("http://127.0.0.1:8080", live.origin)
+    script = script.replace("name=room.bag", f"name={name}").replace('"room.bag"', repr(str(bag)))
+    told = []
+    try:
+        exec(compile(script, str(README), "exec"), {"__name__": "__main__"})
+    except SystemExit as left:
+        told.append(str(left.code))
+    assert ends in "".join([*told, capsys.readouterr().out])
 
 
 def _json(value):

@@ -33,6 +33,15 @@ def test_a_corrupt_store_is_one_sentence_at_the_start(tmp_path):
     assert said[-1].endswith(".")
 
 
+def test_a_server_that_cannot_start_prints_no_address(tmp_path):
+    """A data directory in use: "unsweep is at ..." stood above the refusal. Mutation: told before the server has started."""
+    with serving(tmp_path):
+        code, said = serve_once(tmp_path)
+    assert code == 2
+    assert not [line for line in said if "unsweep is at" in line or "Compiling" in line]
+    assert said[-1].startswith("unsweep: ")
+
+
 def test_a_store_that_breaks_under_way_is_unavailable_and_not_a_defect(tmp_path):
     """Oracle: the status. Mutation: SQLAlchemy's errors as any other exception: 500, "the program itself failed"."""
     with serving(tmp_path) as live:

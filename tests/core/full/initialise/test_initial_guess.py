@@ -108,7 +108,7 @@ def test_a_calibration_that_is_held_is_refused_where_the_turning_refutes_it(
 ) -> None:
     """Another rig's calibration took a motion out that never was. Where a guess is no more than a start, nothing is refused.
 
-    Mutations: begun with the own rotation and said (as a guess); asked at the own time offset; an open turn told; priors not asked.
+    Mutations: begun with the own rotation and said (a guess); asked at the own time offset; an open turn told; priors not asked.
     """
     scenario = replace(SCENARIO, motion=ONE_AXIS) if one_axis else SCENARIO
     turn = Rotation.from_rotvec(off_deg, degrees=True)
