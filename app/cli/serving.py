@@ -20,6 +20,7 @@ from app.kernels import compile_in_background, end
 from app.logs import log_to_stderr
 from app.settings import AppSettings
 from calib_core.errors import InputError
+from calib_core.misfits import misfit
 
 
 def serve_until_stopped(
@@ -93,7 +94,7 @@ def server_settings(
     except ValidationError as error:
         first = error.errors()[0]
         option = "--" + "-".join(str(part) for part in first["loc"]).replace("_", "-")
-        raise InputError(f"The option {option} does not fit: {first['msg']}; correct it.") from error
+        raise InputError(f"The option {option} does not fit: {misfit(first)}; correct it.") from error
     given = {
         "data_dir": data_dir,
         "recordings_dir": recordings_dir,
