@@ -471,8 +471,8 @@ def raw_map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
 
 
 def covers(trajectory: Trajectory, scan: Scan) -> bool:
-    """Whether the trajectory is valid all through the sweep, not bridged across a gap: only then the scan belongs into a map, or
-    into a measurement.
+    """Whether the trajectory is valid all through the sweep, not bridged across a gap: only then the scan belongs in a map, or
+    in a measurement.
     """
     from calib_core.maps import accumulate
 

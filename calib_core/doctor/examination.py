@@ -70,6 +70,7 @@ class Examination:
     cleaned: CleanedImu | None = None
     sampled: SampledScans | None = None
     n_malformed: int = 0
+    counted_rates: dict[str, float] = field(default_factory=dict)
 
 
 def choose(state: Examination, recording: OpenRecording, settings: ReadSettings) -> None:
