@@ -89,6 +89,28 @@ def test_every_route_has_tag_text_and_the_one_error_body(app):
             assert body["schema"] == {"$ref": "#/components/schemas/ErrorBody"}, path
 
 
+def test_every_route_that_is_told_is_in_the_document(app):
+    """The scene's own page to share worked and was in no document. Mutation: its router left out, whatever the route says."""
+    made = document(app)["paths"]
+    assert {route.path for route in ROUTES} <= set(made)
+    assert "get" in made["/api/recordings/{recording_id}/scene.html"]
+
+
+def test_every_number_of_a_result_is_described(app):
+    """Names alone do not say whose axes a sigma is about. Mutation: a field without a description."""
+    schemas = document(app)["components"]["schemas"]
+    ahead, seen = ["CalibrationResult"], set()
+    while ahead:
+        name = ahead.pop()
+        if name in seen or name == "ImuNoise":  # units are in its names
+            continue
+        seen.add(name)
+        for field, schema in schemas[name].get("properties", {}).items():
+            assert schema.get("description"), f"{name}.{field}"
+            ahead += re.findall(r"#/components/schemas/(\w+)", _json(schema))
+    assert len(seen) > 15
+
+
 class Loaded(HTMLParser):
     """What a page makes a browser fetch."""
 
