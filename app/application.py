@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from socket import socket
 
@@ -97,9 +97,10 @@ def make_sessions(settings: AppSettings) -> Sessions | None:
 class Server(uvicorn.Server):
     """uvicorn that ends event streams and scenes before it waits for open requests, which they would never end."""
 
-    def __init__(self, app: FastAPI, config: uvicorn.Config) -> None:
+    def __init__(self, app: FastAPI, config: uvicorn.Config, on_started: Callable[[], None]) -> None:
         super().__init__(config)
         self._app = app
+        self._on_started = on_started
         logging.getLogger("uvicorn.error").addFilter(
             lambda record: self.startup_error is None and not record.getMessage().startswith(BROWSERS_FAULT)
         )
@@ -114,6 +115,12 @@ class Server(uvicorn.Server):
         settle_process()
         super().run(sockets)
 
+    async def startup(self, sockets: list[socket] | None = None) -> None:
+        """Start, and say so: until then the data directory may turn out to be another server's."""
+        await super().startup(sockets)
+        if self.started:
+            self._on_started()
+
     async def shutdown(self, sockets: list[socket] | None = None) -> None:
         """Stop."""
         services: Services | None = getattr(self._app.state, "services", None)
@@ -123,8 +130,10 @@ class Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def make_server(settings: AppSettings, *, launcher: Launcher | None = None) -> Server:
-    """The server, ready to run on a bound socket or on the settings' address."""
+def make_server(
+    settings: AppSettings, *, launcher: Launcher | None = None, on_started: Callable[[], None] = lambda: None
+) -> Server:
+    """The server, ready to run on a bound socket or on the settings' address.   on_started: called once it can be used."""
     app = create_app(settings, launcher=launcher)
     config = uvicorn.Config(
         app,
@@ -143,4 +152,4 @@ def make_server(settings: AppSettings, *, launcher: Launcher | None = None) -> S
         proxy_headers=bool(settings.trusted_proxies),
         forwarded_allow_ips=list(settings.trusted_proxies),
     )
-    return Server(app, config)
+    return Server(app, config, on_started)

@@ -15,7 +15,6 @@ import numpy as np
 
 from bench.bound import Assumptions, Blocks, with_parameters
 from bench.bound.model import CALIBRATION, FloatArray
-from bench.fault_runs import scenario_of
 from bench.store import RESULTS
 from bench.tables import append_row, read_rows
 from calib_core.simulate import Fault, parse_faults, prepare
@@ -138,7 +137,7 @@ def ignored(triangle: FloatArray, stds: FloatArray) -> FloatArray:
 
 def compute(scenario: str, rows: dict[str, str], *, duration_s: float, folder: Path = RESULTS) -> None:
     """The rows of one scenario, shown and written; rows of other scenarios stay."""
-    simulation = prepare(scenario_of(scenario), seed=1, duration_s=duration_s)
+    simulation = prepare(scenario, seed=1, duration_s=duration_s)
     triangle, blocks = with_parameters(simulation, Assumptions(every=7))
     stds = {IDEAL: np.zeros(blocks.size)}
     stds |= {name: priors_of(parse_faults(text), blocks) for name, text in rows.items()}

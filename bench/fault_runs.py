@@ -10,7 +10,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +22,8 @@ from bench.store import RESULTS
 from bench.tables import append_row, read_rows
 from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
-from calib_core.simulate import SCENARIOS, Scenario, Truth, generate, parse_faults, sensors
+from calib_core.simulate import Truth, generate, parse_faults
+from calib_core.simulate.scenarios import named
 
 FAULT_RUNS, FAULT_PARAMETERS = "fault_runs.csv", "fault_parameters.csv"
 #: What was measured before sensors' own errors were looked for, each with its scenario: `python -m bench fault-table`.
@@ -54,7 +55,6 @@ TABLE = (
 )
 #: The word for ideal sensors where faults are asked for.
 NONE = "none"
-LIDARS = {"vlp16": sensors.VLP_16, "xt32": sensors.XT_32, "os1": sensors.OS1_64, "livox": sensors.LIVOX}
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,14 +160,6 @@ def read_fault_parameters(folder: Path = RESULTS) -> list[FaultParameter]:
     return list(read_rows(folder / FAULT_PARAMETERS, FaultParameter, ()))
 
 
-def scenario_of(name: str) -> Scenario:
-    """The scenario of this name, behind another lidar where one follows a plus sign: `handheld+xt32`."""
-    base, plus, lidar = name.partition("+")
-    if base not in SCENARIOS or (plus and lidar not in LIDARS):
-        raise ValueError(f"unknown: {name}; known: {', '.join(SCENARIOS)}, with +{', +'.join(LIDARS)} after it")
-    return replace(SCENARIOS[base], slug=name, lidar=LIDARS[lidar]) if plus else SCENARIOS[base]
-
-
 def settings_from(text: str) -> CalibrateSettings:
     """Settings of a solve from `name=value,name=value`."""
     pairs = (word.split("=", 1) for word in text.split(",") if word)
@@ -179,7 +171,7 @@ def _solve(task: tuple[Campaign, int]) -> tuple[FaultRun, list[FaultParameter]]:
 
     campaign, seed = task
     recording, truth = generate(
-        scenario_of(campaign.scenario),
+        named(campaign.scenario),
         seed=seed,
         duration_s=campaign.duration_s,
         faults=() if campaign.faults == NONE else parse_faults(campaign.faults),

@@ -479,8 +479,8 @@ def raw_map_points(scan: Scan, trajectory: Trajectory) -> Float32Array:
 
 
 def covers(trajectory: Trajectory, scan: Scan) -> bool:
-    """Whether the trajectory is valid all through the sweep, not bridged across a gap: only then the scan belongs into a map, or
-    into a measurement.
+    """Whether the trajectory is valid all through the sweep, not bridged across a gap: only then the scan belongs in a map, or
+    in a measurement.
     """
     from calib_core.maps import accumulate
 
@@ -564,7 +564,8 @@ def simulate(
 ) -> Path:
     """Write a recording with known truth to `out`; returns the path of the truth, a JSON file beside it.
 
-    scenario: one of `scenarios()`.   out: .bag for ROS 1, .mcap, or without suffix a ROS 2 folder.
+    scenario: one of `scenarios()`, behind another lidar as in `handheld+os1`.
+    out: .bag for ROS 1, .mcap, or without suffix a ROS 2 folder.
     wishes: seed, mounting, time_offset_s, duration_s and the like; see `calib_core.simulate.wishes`.
     faults: names with commas between them, each with a size if wanted, such as `industrial` or `laser-offsets=0.008`.
     Raises SettingsError where scenario, faults or `out` are not as said, Cancelled.

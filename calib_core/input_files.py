@@ -24,6 +24,7 @@ from calib_core.contradictions import (
 )
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
+from calib_core.misfits import misfit
 from calib_core.result import RESULT_SCHEMA, CalibrationResult
 from calib_core.settings import FARTHEST_S, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane
@@ -200,7 +201,7 @@ def _read(path: str | Path, parse: Callable[[str], _Model], expected: str) -> _M
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"]) or "the document"
         raise SettingsError(
-            f"Expected {expected} in {path}, but at {where}: {first['msg']}; correct the file."
+            f"Expected {expected} in {path}, but at {where}: {misfit(first)}; correct the file."
         ) from error
 
 

@@ -35,51 +35,59 @@ class _Model(BaseModel):
 
 
 class Message(_Model):
-    code: str
-    level: Literal["info", "warning", "error"]
-    text: str
+    code: str = Field(description="stable and dotted, such as solve.diverged")
+    level: Literal["info", "warning", "error"] = Field(
+        description="how much it matters; of a refused document an error is the reason"
+    )
+    text: str = Field(description="one sentence for a person")
 
 
 class Transform(_Model):
-    matrix: list[list[float]]
-    translation_m: list[float]
-    quaternion_xyzw: list[float]
-    euler_xyz_deg: list[float]
+    matrix: list[list[float]] = Field(description="4 rows of 4: homogeneous lidar coordinates to IMU coordinates")
+    translation_m: list[float] = Field(description="the lidar's origin seen from the IMU, along the IMU's axes")
+    quaternion_xyzw: list[float] = Field(description="x, y, z, w of the rotation")
+    euler_xyz_deg: list[float] = Field(description="roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll)")
 
 
 class Uncertainty(_Model):
-    rotation_std_deg: list[float]
-    translation_std_m: list[float]
-    time_offset_std_s: float
-    gravity_std_m_s2: float
-    covariance_order: list[str] = Field(default_factory=lambda: list[str](COVARIANCE_ORDER))
-    covariance: list[list[float]]
+    rotation_std_deg: list[float] = Field(description="about the lidar's x, y and z axes, not of roll, pitch and yaw")
+    translation_std_m: list[float] = Field(description="along the IMU's x, y and z axes")
+    time_offset_std_s: float = Field(description="of time_offset_s")
+    gravity_std_m_s2: float = Field(description="of gravity_m_s2")
+    covariance_order: list[str] = Field(
+        default_factory=lambda: list[str](COVARIANCE_ORDER),
+        description="r about the lidar's axes, t along the IMU's, dt in time",
+    )
+    covariance: list[list[float]] = Field(
+        description="7 x 7 in covariance_order; rad, m and s; marginal over everything else"
+    )
 
 
 class WeakDirection(_Model):
-    label: str | None
-    vector: list[float]
-    std_scaled: float
-    text: str
+    label: str | None = Field(description="the axis that it is all but along; null of a mixture")
+    vector: list[float] = Field(description="7 in covariance_order, each divided by 1 deg, 10 mm or 1 ms, of length 1")
+    std_scaled: float = Field(description="standard deviation along it, in the same units")
+    text: str = Field(description="one sentence for a person")
 
 
 class Observability(_Model):
-    """weak_axes: the parameters that the data alone leave weak, whichever directions these make together; none of documents from
-    before 0.2.
-    """
+    """What the data alone leave weak, and what to do about it."""
 
-    weak_axes: list[Axis] = Field(default_factory=list)
-    weak_directions: list[WeakDirection] = Field(default_factory=list)
-    advice: list[str] = Field(default_factory=list)
+    weak_axes: list[Axis] = Field(
+        default_factory=list,
+        description="of covariance_order: beyond 0.5 deg, 20 mm or 2 ms without priors; none of documents from before 0.2",
+    )
+    weak_directions: list[WeakDirection] = Field(default_factory=list, description="what is weak together")
+    advice: list[str] = Field(default_factory=list, description="what to do next, a sentence each")
 
 
 class PlaneQuality(_Model):
     """A plane n . x + offset_m = 0 of the map frame, and the points used of it."""
 
-    name: str
-    normal: list[float]
-    offset_m: float
-    points: int
+    name: str = Field(description="as people call it")
+    normal: list[float] = Field(description="unit length, map frame")
+    offset_m: float = Field(description="n . x + offset_m = 0")
+    points: int = Field(description="used of it")
     rms_m: float = Field(
         description="of their distances, a surer one (seen at a grazing angle) counting more: less than their plain spread"
     )
@@ -95,24 +103,24 @@ class RoomCrispness(_Model):
 
     mean_entropy_nat: float = Field(description="mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube")
     thickness_std_m: float = Field(description="root of the mean smallest eigenvalue of S")
-    points: int
-    cubes: int
+    points: int = Field(description="that were looked at")
+    cubes: int = Field(description="that they lie in")
 
 
 class Crispness(_Model):
     """The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means."""
 
-    before: RoomCrispness
-    after: RoomCrispness
-    text: str
+    before: RoomCrispness = Field(description="each sweep as if it were rigid")
+    after: RoomCrispness = Field(description="straightened with this answer")
+    text: str = Field(description="what that means, for a person")
 
 
 class Shift(_Model):
     """A shift from the answer: turns about the lidar's axes, shifts along the IMU's."""
 
-    rotation_shift_deg: list[float]
-    translation_shift_m: list[float]
-    time_offset_shift_s: float
+    rotation_shift_deg: list[float] = Field(description="turns about the lidar's axes")
+    translation_shift_m: list[float] = Field(description="along the IMU's axes")
+    time_offset_shift_s: float = Field(description="of the time offset")
 
 
 class OwnAnswer(Shift):
@@ -122,30 +130,30 @@ class OwnAnswer(Shift):
     time agree with the joint answer.
     """
 
-    rotation_std_deg: list[float]
-    translation_std_m: list[float]
-    time_offset_std_s: float
+    rotation_std_deg: list[float] = Field(description="about the lidar's axes")
+    translation_std_m: list[float] = Field(description="along the IMU's axes")
+    time_offset_std_s: float = Field(description="of the time offset")
 
 
 class TimeBlock(OwnAnswer):
     t_start_s: float = Field(description="lidar time, seconds from the recording's start")
-    t_end_s: float
+    t_end_s: float = Field(description="the same, of its end")
 
 
 class PlaneAnswer(OwnAnswer):
-    name: str
+    name: str = Field(description="of the plane")
 
 
 class RangeAnswer(OwnAnswer):
-    from_m: float
-    to_m: float
+    from_m: float = Field(description="least distance of its points")
+    to_m: float = Field(description="greatest distance of its points")
 
 
 class Parts(_Model):
     """The recording in parts, each with its own answer."""
 
-    time_blocks: list[TimeBlock]
-    planes: list[PlaneAnswer]
+    time_blocks: list[TimeBlock] = Field(description="stretches of time, one after the other")
+    planes: list[PlaneAnswer] = Field(description="points of one plane each")
     ranges: list[RangeAnswer] = Field(description="points nearer and farther than the middle one")
 
 
@@ -153,7 +161,7 @@ class OffsetProfile(_Model):
     """How well the lidar's turning and the gyroscope's go together, over the time offset around the answer's."""
 
     first_s: float = Field(description="time offset of the first value, from the answer's")
-    step_s: float
+    step_s: float = Field(description="between two values")
     likeness: list[float | None] = Field(
         description="1 where a turn of the axes explains all of both, null where too little is in common"
     )
@@ -164,7 +172,7 @@ class OffsetProfile(_Model):
 class Evidence(_Model):
     """How the answer stands within its recording. parts: by the joint solve.   time_offset_profile: apart from it."""
 
-    parts: Parts
+    parts: Parts = Field(description="the recording in parts, each with its own answer")
     time_offset_profile: OffsetProfile | None = Field(
         default=None,
         description="absent where the body hardly turned",
@@ -174,12 +182,12 @@ class Evidence(_Model):
 
 class Quality(_Model):
     point_to_plane_rms_m: float = Field(description="of the distances of all points used, as of each plane's")
-    points_used: int
-    scans_used: int
-    scans_total: int
-    planes: list[PlaneQuality]
-    iterations: int
-    duration_s: float
+    points_used: int = Field(description="points that lie on planes and count")
+    scans_used: int = Field(description="scans that count")
+    scans_total: int = Field(description="scans of the recording")
+    planes: list[PlaneQuality] = Field(description="those that the answer is by")
+    iterations: int = Field(description="of the joint solve")
+    duration_s: float = Field(description="that the solve took")
     crispness: Crispness | None = Field(
         default=None,
         description="of the accumulated room, knowing no planes; absent where it was not measured",
@@ -190,14 +198,14 @@ class Quality(_Model):
 class Intrinsic(_Model):
     """One parameter of a sensor's own; signs in calib_core/intrinsics.py. significant: beyond three of its sigmas from zero."""
 
-    block: str
-    name: str
-    unit: str
-    value: float
-    std: float
-    prior_std: float
-    state: Literal["estimated", "considered"]
-    significant: bool
+    block: str = Field(description="such as laser_range_offset or gyroscope_scale")
+    name: str = Field(description="within its block: an axis, a ring")
+    unit: str = Field(description="of value, std and prior_std")
+    value: float = Field(description="0 of an ideal sensor")
+    std: float = Field(description="standard deviation of the value")
+    prior_std: float = Field(description="standard deviation that was allowed beforehand")
+    state: Literal["estimated", "considered"] = Field(description="considered: held at 0 and counted in the error bars")
+    significant: bool = Field(description="beyond three of its sigmas from zero")
     shift: Shift | None = Field(
         default=None,
         description="of what was only considered: by how much the answer is off where it is one prior_std above zero",
@@ -206,55 +214,56 @@ class Intrinsic(_Model):
 
 
 class GyroscopeAxes(_Model):
-    """The rotation from the lidar into the gyroscope's mean axes, of which `T_imu_lidar` has that into the accelerometer's.
+    """The rotation from the lidar into the gyroscope's mean axes, of which `T_imu_lidar` has that into the accelerometer's."""
 
-    rotation_std_deg: (3,) about the lidar's axes.
-    """
-
-    quaternion_xyzw: list[float]
-    rotation_std_deg: list[float]
+    quaternion_xyzw: list[float] = Field(
+        description="x, y, z, w of the rotation that takes lidar axes to the gyroscope's"
+    )
+    rotation_std_deg: list[float] = Field(description="about the lidar's axes")
 
 
 class RecordingProvenance(_Model):
-    name: str
-    sha256: str
-    duration_s: float
-    lidar_topic: str
-    imu_topic: str
-    lidar_frame_id: str
-    imu_frame_id: str
+    name: str = Field(description="of the file or folder")
+    sha256: str = Field(description="of the file; of a folder of its files' hashes in name order")
+    duration_s: float = Field(description="from its first scan to its last")
+    lidar_topic: str = Field(description="whose clouds were used")
+    imu_topic: str = Field(description="whose readings were used")
+    lidar_frame_id: str = Field(description="the frame that T_imu_lidar leads from")
+    imu_frame_id: str = Field(description="the frame that T_imu_lidar leads to")
     lidar_model: str = Field(default="", description="the lidar preset that the recording was recognised by, if any")
-    imu_rate_hz: float | None = Field(default=None, gt=0)
+    imu_rate_hz: float | None = Field(default=None, gt=0, description="by the stamps; null where it is not known")
 
 
 class Provenance(_Model):
-    recording: RecordingProvenance
-    settings: dict[str, object]
-    software: dict[str, str]
+    recording: RecordingProvenance = Field(description="what was solved")
+    settings: dict[str, object] = Field(description="how it was solved")
+    software: dict[str, str] = Field(description="versions, by name")
 
 
 class CalibrationResult(_Model):
     """The whole document. Where `status` is refused the answer's fields are None and `messages` has the reasons."""
 
-    schema_: Literal["unsweep.calibration/1"] = Field(default=RESULT_SCHEMA, alias="schema")
-    status: Status
-    messages: list[Message]
-    T_imu_lidar: Transform | None
-    time_offset_s: float | None
-    time_offset_ns: int | None
-    gyroscope_bias_rad_s: list[float] | None
-    accelerometer_bias_m_s2: list[float] | None
-    gravity_m_s2: float | None
-    uncertainty: Uncertainty | None
-    observability: Observability
-    quality: Quality
-    provenance: Provenance
-    intrinsics: list[Intrinsic] = Field(default_factory=list)
+    schema_: Literal["unsweep.calibration/1"] = Field(
+        default=RESULT_SCHEMA, alias="schema", description="which document this is"
+    )
+    status: Status = Field(description="weak: some standard deviation is beyond its limit; refused: there is no answer")
+    messages: list[Message] = Field(description="what was found and done on the way")
+    T_imu_lidar: Transform | None = Field(description="lidar coordinates to IMU coordinates")
+    time_offset_s: float | None = Field(description="to ADD to an IMU stamp to express it in the lidar clock")
+    time_offset_ns: int | None = Field(description="the same, exact where clocks have different epochs")
+    gyroscope_bias_rad_s: list[float] | None = Field(description="mean over the recording, along the IMU's axes")
+    accelerometer_bias_m_s2: list[float] | None = Field(description="mean over the recording, along the IMU's axes")
+    gravity_m_s2: float | None = Field(description="its magnitude")
+    uncertainty: Uncertainty | None = Field(description="one standard deviation each, marginal over everything else")
+    observability: Observability = Field(description="what the motion left unknown")
+    quality: Quality = Field(description="how well the answer fits")
+    provenance: Provenance = Field(description="of what, how and by what it was made")
+    intrinsics: list[Intrinsic] = Field(default_factory=list, description="the sensors' own parameters")
     clock_rate_ppm: float | None = Field(
         default=None,
         description="t_lidar = t_imu + time_offset_s + clock_rate_ppm 1e-6 (t_lidar - the instant it holds at)",
     )
-    clock_rate_ppm_std: float | None = None
+    clock_rate_ppm_std: float | None = Field(default=None, description="of clock_rate_ppm")
     time_offset_at_s: float | None = Field(
         default=None, description="lidar time, seconds from the recording's start, at which time_offset_s holds"
     )

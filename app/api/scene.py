@@ -26,7 +26,7 @@ from app.scene.page import scene_page
 from app.schemas.view import TabName
 from app.server.deps import RecordingDep, ServicesDep, get_recording, services_of
 
-router = APIRouter(include_in_schema=False)
+router = APIRouter()
 
 RecordingPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$")]
 TabPath = Annotated[TabName, Path()]
@@ -43,15 +43,15 @@ ARRIVING = 2
 ARRIVING_S = 1.0
 
 
-@router.get("/scene/{recording_id}/", dependencies=[Depends(get_recording)])
-@router.get("/scene/{recording_id}/{tab}/", dependencies=[Depends(get_recording)])
+@router.get("/scene/{recording_id}/", include_in_schema=False, dependencies=[Depends(get_recording)])
+@router.get("/scene/{recording_id}/{tab}/", include_in_schema=False, dependencies=[Depends(get_recording)])
 def read_scene_page() -> Response:
     """The scene's page. Never cached: it must be of the very version of viser that serves the websocket."""
     html, policy = scene_page()
     return HTMLResponse(html, headers={"Cache-Control": "no-cache", "Content-Security-Policy": policy})
 
 
-@router.get("/api/recordings/{recording_id}/scene.html", include_in_schema=True, tags=["view"])
+@router.get("/api/recordings/{recording_id}/scene.html", tags=["view"])
 def download_scene(services: ServicesDep, recording: RecordingDep) -> HTMLResponse:
     """The scene as it is shown now, as one self-contained page to share."""
     headers = {"Content-Disposition": 'attachment; filename="scene.html"'}

@@ -29,6 +29,10 @@ if TYPE_CHECKING:
     from calib_core.types import Recording, Trajectory
 
 
+#: What a report may be called: it is a page to look at and to print.
+_PAGES = frozenset({".html", ".htm"})
+
+
 class Refused(Exception):
     """The recording cannot give the answer; str() is why."""
 
@@ -96,6 +100,8 @@ def calibrate(chosen: argparse.Namespace) -> None:
         spans_s = solving.excluded_spans_s
         with _result_kept(chosen.output):
             _write_report(recording, (done.result, done.trajectory), steps, chosen.report, spans_s=spans_s)
+        if manner in {Manner.live, Manner.plain}:
+            sys.stderr.write(f"Report written to {chosen.report}\n")
     if done.result.status == "refused":
         raise Refused(refusal(done.result))
 
@@ -107,6 +113,11 @@ def _check_places(recording: Path, output: Path | None, report: Path | None) -> 
             check_writable(path)
             if path.resolve() == recording.resolve():
                 raise InputError(f"Expected a name for what is written, but {path} is the recording itself; change it.")
+    if report is not None and report.suffix.lower() not in _PAGES:
+        raise InputError(
+            f"Expected a page of HTML for --report, but {report} is called {report.suffix or 'without a suffix'}; name it "
+            ".html, and print it to a file where a .pdf is wanted."
+        )
     if output is not None and report is not None and output.resolve() == report.resolve():
         raise InputError(f"Expected a name each for --output and --report, but found {output} for both; change one.")
 

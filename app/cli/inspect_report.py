@@ -100,6 +100,13 @@ def _topics(report: DoctorReport) -> RenderableType:
     return Group(table, Text(f"  and {hidden} more", style="dim")) if hidden > 0 else table
 
 
+def _override(finding: FindingReport) -> str:
+    """The options that overrule the finding; without values where those are what it has found, which change nothing."""
+    if finding.code != "points.time_field":
+        return finding.override
+    return " ".join(word for word in finding.override.split() if word.startswith("--"))
+
+
 def _findings(findings: Sequence[FindingReport]) -> RenderableType:
     order = {"error": 0, "warning": 1, "info": 2}
     lines: list[RenderableType] = []
@@ -107,7 +114,7 @@ def _findings(findings: Sequence[FindingReport]) -> RenderableType:
         style = LEVEL_STYLES[finding.level] if finding.level != "info" else ""
         sure = f" ({100 * finding.confidence:.0f} % sure)" if finding.confidence < 0.995 else ""
         evidence = ", ".join(f"{e.name} {_value(e.value)} {e.unit}".rstrip() for e in finding.evidence)
-        override = f"To override: {finding.override}" if finding.override else ""
+        override = f"To override: {_override(finding)}" if finding.override else ""
         details = [evidence, ". ".join(part for part in (_sentence(finding.consequence), override) if part)]
         words = Group(
             Text(f"{finding.text}{sure}", style=style), *(Text(line, style="dim") for line in details if line)

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from calib_core.api import read_imu_noise
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNITS, Block
+from calib_core.misfits import misfit
 from calib_core.presets import named_imu, named_lidar
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
@@ -79,7 +80,7 @@ def _unfit(error: ValidationError) -> SettingsError:
     first = error.errors()[0]
     option = "-".join(str(part) for part in first["loc"]).replace("_", "-")
     what = f"The option --{option} does" if option else "These options do"
-    return SettingsError(f"{what} not fit: {first['msg'].removeprefix('Value error, ')}; correct it")
+    return SettingsError(f"{what} not fit: {misfit(first)}; correct it")
 
 
 def parse_points(text: str | None, method: Method) -> int | None:

@@ -192,7 +192,9 @@ def _add_export(commands: Commands[Parser]) -> None:
 def _add_simulate(commands: Commands[Parser]) -> None:
     command = _command(commands, "simulate", "Write a recording whose truth is known, and the truth beside it.")
     command.add_argument(
-        "scenario", metavar="SCENARIO", help="for example paper-normal; an unknown name lists them all"
+        "scenario",
+        metavar="SCENARIO",
+        help="for example paper-normal, or handheld+os1 (behind another lidar); an unknown name lists them all",
     )
     command.add_argument("out", type=Path, metavar="OUT", help=".bag, .mcap, or without suffix a ROS 2 folder")
     command.add_argument("--seed", type=natural, default=0, help="seed of the noise (%(default)s)")

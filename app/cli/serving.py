@@ -6,8 +6,10 @@ import ipaddress
 import os
 import secrets
 import socket
+import subprocess
 import sys
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from urllib.parse import quote
 
@@ -18,6 +20,7 @@ from app.kernels import compile_in_background, end
 from app.logs import log_to_stderr
 from app.settings import AppSettings
 from calib_core.errors import InputError
+from calib_core.misfits import misfit
 
 
 def serve_until_stopped(
@@ -42,22 +45,32 @@ def serve_until_stopped(
     )
     listening = listen(settings.host, settings.port)
     with listening:
-        sys.stderr.write(f"unsweep is at {address(settings, listening.getsockname()[1])} (Ctrl-C stops it)\n")
-        sys.stderr.flush()
-        compiling = compile_in_background()
-        if compiling is not None:
-            sys.stderr.write("Compiling for this machine in the background, once; until it is done, jobs take longer\n")
+        compiling: list[subprocess.Popen[bytes]] = []
         # The server stops in order and then raises the Ctrl-C again; it was what the person wanted.
         log_to_stderr(as_json=settings.log_json)
-        server = make_server(settings)
+        where = address(settings, listening.getsockname()[1])
+        server = make_server(settings, on_started=partial(_tell_started, where, compiling))
         try:
             with suppress(KeyboardInterrupt):
                 server.run(sockets=[listening])
         finally:
-            if compiling is not None:
-                end(compiling)
+            for process in compiling:
+                end(process)
             if server.startup_error is not None:
                 raise InputError(str(server.startup_error), code=server.startup_error.code) from None
+
+
+def _tell_started(where: str, compiling: list[subprocess.Popen[bytes]]) -> None:
+    """Say that the server can be used, and where; only now: until then it may turn out that its data directory cannot be.
+
+    compiling: gets the process that compiles the loops, where that is still to do.
+    """
+    sys.stderr.write(f"unsweep is at {where} (Ctrl-C stops it)\n")
+    begun = compile_in_background()
+    if begun is not None:
+        compiling.append(begun)
+        sys.stderr.write("Compiling for this machine in the background, once; until it is done, jobs take longer\n")
+    sys.stderr.flush()
 
 
 def server_settings(
@@ -81,7 +94,7 @@ def server_settings(
     except ValidationError as error:
         first = error.errors()[0]
         option = "--" + "-".join(str(part) for part in first["loc"]).replace("_", "-")
-        raise InputError(f"The option {option} does not fit: {first['msg']}; correct it.") from error
+        raise InputError(f"The option {option} does not fit: {misfit(first)}; correct it.") from error
     given = {
         "data_dir": data_dir,
         "recordings_dir": recordings_dir,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from app.recordings.folder import is_recording_file, is_recording_folder
 from app.storage.files import SUFFIXES
+from calib_core.counts import counted
 from calib_core.errors import InputError
 
 _COMPRESSED = (".gz", ".zst", ".zstd")
@@ -19,12 +20,18 @@ def find_recordings(source: Path) -> list[Path]:
 
     Links are followed; one that leads nowhere is a recording that is not there, and whoever reads it says so.
     A list's paths are taken from the list's own folder, those of one that comes through a pipe (a shell's <(...)) from the
-    present one; empty lines and those that start with # are left out.
+    present one; empty lines and those that start with # are left out. A text of which no line leads to anything, or is called
+    as recordings are, is no list.
     """
     if source.is_dir():
         found = [source] if is_recording_folder(source) else list(_below(source))
     elif source.exists() and not is_recording_file(source):
         found = list(_listed(source, source.parent if source.is_file() else Path.cwd()))
+        if found and not any(os.path.lexists(path) or path.name.lower().endswith(SUFFIXES) for path in found):
+            raise InputError(
+                f"Expected a list with a path a line in {source}, but none of its {counted(len(found), 'line')} leads "
+                f"anywhere or is called as recordings are, the first to {found[0]}; correct the paths, or the name of the list."
+            )
     else:
         what = "one recording" if source.exists() else "nothing"
         raise InputError(

@@ -28,6 +28,7 @@ from app.storage.records import RecordingChanges, RecordingRecord
 from app.storage.sizes import tree_size
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
+from calib_core.misfits import misfit
 from calib_core.settings import ReadSettings
 
 _LOG = logging.getLogger("unsweep")
@@ -217,8 +218,9 @@ class RecordingService:
         try:
             after = ReadSettings.model_validate(before.model_dump() | given)
         except ValidationError as error:
-            reason = error.errors()[0]["msg"].removeprefix("Value error, ")
-            raise BadRequest("recording.settings", f"These read settings do not fit: {reason}.") from error
+            raise BadRequest(
+                "recording.settings", f"These read settings do not fit: {misfit(error.errors()[0])}."
+            ) from error
         if after.start_s is not None and after.end_s is not None and after.start_s >= after.end_s:
             raise BadRequest(
                 "recording.span", f"The time span starts at {after.start_s} s and ends at {after.end_s} s; swap them."

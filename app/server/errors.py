@@ -17,6 +17,7 @@ from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from app.settings import AppSettings
 from calib_core.errors import UnsweepError
+from calib_core.misfits import misfit
 
 #: The disk is full, or the share of it that this user may have.
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
@@ -27,7 +28,9 @@ _LOG = logging.getLogger("unsweep")
 def facts_of_request(error: Exception) -> tuple[int, ErrorFacts]:
     """The same for what the web framework raises, too."""
     if isinstance(error, RequestValidationError):
-        return 422, _invalid_request(error)
+        facts = _invalid_request(error)
+        # An id or a name within the address that no thing can have: nothing is there.
+        return (404 if all(problem["loc"][0] == "path" for problem in error.errors()) else 422), facts
     if isinstance(error, HTTPException):
         return error.status_code, _http_facts(error)
     if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in FULL):
@@ -58,7 +61,7 @@ def without_paths(text: str, settings: AppSettings) -> str:
 
 def _invalid_request(error: RequestValidationError) -> ErrorFacts:
     places = [".".join(str(part) for part in problem["loc"]) for problem in error.errors()]
-    reasons = "; ".join(f"{place}: {problem['msg']}" for place, problem in zip(places, error.errors(), strict=True))
+    reasons = "; ".join(f"{place}: {misfit(problem)}" for place, problem in zip(places, error.errors(), strict=True))
     return ErrorFacts(
         code="request.invalid",
         text=f"The request does not fit the API's document: {reasons}.",

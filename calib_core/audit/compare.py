@@ -2,26 +2,29 @@
 
     r = Log(R_found' R_given)  [rad, lidar's axes]      t = p_given - p_found  [m, IMU's axes]      dt  [s]
 
-Their covariance is the found one's, and the given one's beside it where a file states it. A difference shows when it is
-beyond both its limit and three sigmas; where three sigmas are beyond the limit, smaller ones decide nothing.
+Their covariance is the found one's alone: the given numbers are judged as they are in use, however well their file says they are
+known. A difference shows when it is beyond both its limit and three sigmas; where three sigmas are beyond the limit, smaller
+ones decide nothing.
 """
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 
 from calib_core.audit.limits import Limits
 from calib_core.audit.pose import GivenExtrinsic, gained_s, instant_of, inverse
-from calib_core.audit.report import AxisAudit, Verdict
+from calib_core.audit.report import AxisAudit, Verdict, in_si
 from calib_core.geometry import log
-from calib_core.result import COVARIANCE_ORDER, CalibrationResult
+from calib_core.result import AXIS_WORDS, COVARIANCE_ORDER, CalibrationResult
+from calib_core.sigmas import std_text
 from calib_core.types import FloatArray
 
 #: What is told from nothing: one difference in 370 is beyond by chance.
 SIGMAS = 3.0
-_UNITS = ("deg",) * 3 + ("mm",) * 3 + ("ms",)
+_UNITS: tuple[Literal["deg", "mm", "ms"], ...] = ("deg", "deg", "deg", "mm", "mm", "mm", "ms")
 _SCALES = np.array([180.0 / np.pi] * 3 + [1e3] * 4)
 #: An inverse that lies nearer by as much is what was meant.
 _INVERSE_TIMES_NEARER = 10.0
@@ -52,10 +55,7 @@ def axes_of(given: GivenExtrinsic, found: CalibrationResult, limits: Limits) -> 
         return []
     difference = _difference(given.T_imu_lidar, np.array(found.T_imu_lidar.matrix))
     offset_s = None if given.time_offset_ns is None else (given.time_offset_ns - found.time_offset_ns) * 1e-9
-    covariance = np.array(found.uncertainty.covariance)
-    if given.covariance is not None:
-        covariance = covariance + given.covariance
-    stds = np.sqrt(np.diag(covariance)) * _SCALES
+    stds = np.sqrt(np.diag(found.uncertainty.covariance)) * _SCALES
     values = [float(value) for value in difference * _SCALES[:6]]
     values_or_none = [*values, None if offset_s is None else offset_s * _SCALES[6]]
     return [
@@ -119,6 +119,20 @@ def hints(given: GivenExtrinsic, found: CalibrationResult) -> list[str]:
                 "differ in that."
             )
     return said
+
+
+def own_sigmas(given: GivenExtrinsic, limits: Limits) -> list[str]:
+    """What the given file states of itself, where that is wider than a limit: a weak result's numbers are no surprise then."""
+    if given.covariance is None:
+        return []
+    stds = np.sqrt(np.diag(given.covariance)) * _SCALES
+    shares = [0.0 if limit is None else float(std) / limit for std, limit in zip(stds, limits.per_axis(), strict=True)]
+    worst = int(np.argmax(shares))
+    if shares[worst] <= 1.0:
+        return []
+    said = std_text(*in_si(float(stds[worst]), _UNITS[worst]))
+    text = f"The given file says of its own {AXIS_WORDS[COVARIANCE_ORDER[worst]]} that it is known to {said} (1 sigma)"
+    return [f"{text}; its numbers are judged as they stand, by this recording's sigmas."]
 
 
 def _distances(one: FloatArray, other: FloatArray) -> tuple[float, float]:

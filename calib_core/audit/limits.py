@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib_core.errors import SettingsError
 from calib_core.input_files import json_text
+from calib_core.misfits import misfit
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -46,7 +47,7 @@ def read_limits(path: Path) -> Limits:
         first = error.errors()[0]
         where = str(first["loc"][0]) if first["loc"] else "the document"
         raise SettingsError(
-            f"Expected {expected} in {path}, but at {where}: {first['msg']}; correct the file."
+            f"Expected {expected} in {path}, but at {where}: {misfit(first)}; correct the file."
         ) from error
 
 

@@ -53,8 +53,12 @@ def report_of(
     axes = compare.axes_of(given, found.result, limits)
     apart = compare.distances(given, found.result)
     hints = compare.hints(given, found.result)
+    if axes:
+        hints += compare.own_sigmas(given, limits)
     if held_refusal is not None:
-        hints.append(f"With the given extrinsic held no motion fits the recording: {held_refusal.rstrip('.')}.")
+        # What a refusal advises is of recordings that give no answer: this one gives its own.
+        why = held_refusal.partition(";")[0].rstrip(".")
+        hints.append(f"With the given extrinsic held no motion fits the recording, which fits by its own: {why}.")
     if given.time_offset_ns is None:
         hints.append("The given file has no time offset, so that of the clocks is not judged.")
     verdict = compare.verdict_of(axes)

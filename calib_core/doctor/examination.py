@@ -70,6 +70,7 @@ class Examination:
     sampled: SampledScans | None = None
     n_malformed: int = 0
     malformed_text: str = ""
+    counted_rates: dict[str, float] = field(default_factory=dict)
 
     def leave_out(self, count: int, example: str) -> None:
         """So many messages of the lidar. example: which is the first, and what is wrong with it."""

@@ -23,7 +23,7 @@ from calib_core.doctor.report import (
     Timeline,
 )
 from calib_core.doctor.timeline import timeline
-from calib_core.doctor.topics import topic_report
+from calib_core.doctor.topics import counted_rates, topic_report
 from calib_core.doctor.verdict import judge
 from calib_core.doctor.whole_scans import WholeScans
 from calib_core.errors import InputError
@@ -61,6 +61,8 @@ def inspect(
         state = Examination()
         span = span_ns(recording, settings) if any(t.count for t in recording.topics) else (None, None)
         choose(state, recording, settings)
+        chosen = [topic.name for topic in (state.lidar_topic, state.imu_topic) if topic is not None]
+        state.counted_rates = counted_rates(recording, chosen)
         detect(state, recording, settings, span)
         if on_report is not None:
             on_report(_report(state, recording, Sensors(), final=False))
@@ -134,7 +136,7 @@ def _report(
         container=recording.kind,
         duration_s=recording.duration_s,
         start_ns=recording.start_ns,
-        topics=tuple(topic_report(t, recording, state, (lidar, sensors.imu)) for t in recording.topics),
+        topics=tuple(topic_report(t, state, (lidar, sensors.imu)) for t in recording.topics),
         lidar_candidates=tuple(t.name for t in lidar_topics(recording.topics)),
         imu_candidates=tuple(t.name for t in imu_topics(recording.topics)),
         lidar=lidar,

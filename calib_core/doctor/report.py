@@ -44,7 +44,8 @@ class FindingReport(_Model):
 class TopicReport(_Model):
     """One topic. role: what it could serve as here; "packets" for raw packets, decoded or not.
 
-    rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by their number.
+    rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by
+    their number, or where they could be calibrated by when they were received.
     """
 
     name: str

@@ -13,7 +13,7 @@ def glim(extrinsic: Extrinsic) -> str:
     remarks = (
         "GLIM wants the other direction: T_lidar_imu takes IMU coordinates to lidar coordinates.",
         "Its order is [x, y, z, qx, qy, qz, qw].",
-        "`sensors` belongs into config_sensors.json, `glim_ros` into config_ros.json.",
+        "`sensors` belongs in config_sensors.json, `glim_ros` in config_ros.json.",
     )
     comments = "".join(f"// {line}\n" for line in (*extrinsic.comments(), *remarks))
     pose = f"{decimals(extrinsic.p_lidar_imu)}, {decimals(quat_xyzw(extrinsic.R_lidar_imu))}"

@@ -15,10 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.deskew import deskew_points
-from calib_core.errors import Refused, SettingsError
+from calib_core.errors import InputError, Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.own_errors import lasers_of
 from calib_core.full.calibrate import calibrate_full
+from calib_core.full.initialise.initial_guess import HELD_REFUTED
 from calib_core.full.one_clock import on_one_clock
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.imu.turned import turned_since
@@ -62,7 +63,8 @@ def held_motion(
 ) -> HeldMotion:
     """The motion of `recording` with the result's calibration held.
 
-    correct_lasers: what the calibration found of the lasers is taken out of the points, too.
+    correct_lasers: what the calibration found of the lasers is taken out of the points, too.   Raises InputError where the
+    recording's own motion refutes the calibration.
     """
     for text in other_frames(recording, result):
         on_event(LogEvent(level="warning", code="deskew.other_frame", text=text))
@@ -70,7 +72,14 @@ def held_motion(
     guess, priors = held_calibration(result, recording)
     turning = turning_alone(recording.imu, guess, np.array(result.gyroscope_bias_rad_s or [0.0, 0.0, 0.0]))
     settings = _as_solved(result).model_copy(update={"priors": priors, "crispness": False})
-    solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
+    try:
+        solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
+    except Refused as refused:
+        raise InputError(
+            f"Expected the calibration of the sensors of {recording.name}, but that by {result.provenance.recording.name} does "
+            f"not fit this recording: {refused}; name the calibration of this rig, or calibrate this recording.",
+            code="deskew.other_calibration",
+        ) from refused
     if solved is None:
         text = "The planes of this recording do not give its motion: only the gyroscope's turning is taken out."
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
@@ -119,7 +128,7 @@ def _solved_motion(
     on_event: OnEvent,
     should_cancel: ShouldCancel,
 ) -> Trajectory | None:
-    """The motion by the joint solve; None where the recording does not give it."""
+    """The motion by the joint solve; None where the recording gives none. Raises Refused where it refutes the calibration."""
 
     def solve(stamped: Recording, clock_rate_std_ppm: float) -> Answer:
         run = prepare(stamped, settings, on_event, should_cancel)
@@ -129,7 +138,9 @@ def _solved_motion(
         require_length(recording, "the motion")
         with one_blas_thread():
             return on_one_clock(recording, solve)[0].trajectory
-    except Refused:
+    except Refused as refused:
+        if refused.code == HELD_REFUTED:
+            raise
         return None
 
 

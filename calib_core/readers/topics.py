@@ -99,7 +99,7 @@ def _choose(
             )
         seen = _listed([f"{t.name} ({t.type})" for t in topics][:8]) or "no topics at all"
         raise TopicError(
-            f"The recording {recording} has no {what} topic with messages; it holds {seen}.",
+            f"The recording {recording} has no {what} topic with messages; it holds {seen}; record the {what} too.",
             code=f"recording.no_{what.lower()}",
         )
     if len(fitting) > 1:

@@ -214,11 +214,17 @@ _TABLE: tuple[Scenario, ...] = (
 SCENARIOS: dict[str, Scenario] = {scenario.slug: scenario for scenario in _TABLE}
 
 
+#: What a scenario can be made behind: `handheld+os1`.
+LIDARS = {"vlp16": sensors.VLP_16, "xt32": sensors.XT_32, "os1": sensors.OS1_64, "livox": sensors.LIVOX}
+
+
 def named(slug: str) -> Scenario:
-    """The scenario of this name. Raises SettingsError that lists the names."""
-    if slug not in SCENARIOS:
+    """The scenario of this name, behind another lidar where one follows a plus sign. Raises SettingsError with the names."""
+    base, plus, lidar = slug.partition("+")
+    if base not in SCENARIOS or (plus and lidar not in LIDARS):
         raise SettingsError(
-            f"expected the name of a scenario, found {slug!r}; choose one of {', '.join(SCENARIOS)}",
+            f"expected the name of a scenario, found {slug!r}; choose one of {', '.join(SCENARIOS)}, for another lidar with "
+            f"{', '.join(f'+{name}' for name in LIDARS)} after it",
             code="simulate.scenario",
         )
-    return SCENARIOS[slug]
+    return replace(SCENARIOS[base], slug=slug, lidar=LIDARS[lidar]) if plus else SCENARIOS[base]

@@ -159,9 +159,10 @@ def test_a_report_that_fails_leaves_the_result_and_says_where(
 
 
 def test_a_reader_of_stdout_that_has_left_still_gets_its_report(
-    library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """`unsweep calibrate room.bag --report report.html | head -1`. Mutation: the closed pipe ends the command."""
+    """`unsweep calibrate room.bag --report report.html | head -1`. Mutations: the closed pipe ends the command; where the report
+    is is not said."""
 
     def closed(*_: object) -> None:
         raise BrokenPipeError
@@ -172,6 +173,7 @@ def test_a_reader_of_stdout_that_has_left_still_gets_its_report(
     monkeypatch.setattr(commands, "_write_report", lambda *words, **_: written.append(words[-1]))
     assert cli.run(["calibrate", "room.bag", "--report", str(tmp_path / "report.html")]) == 0
     assert written == [tmp_path / "report.html"]
+    assert f"Report written to {tmp_path / 'report.html'}\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("failure", [KeyboardInterrupt(), Cancelled("stopped")])
@@ -224,11 +226,13 @@ def test_unwritable_output_is_told_before_the_work(
     library: Library, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Fails if the recording is read first, for any of the places that are named (seen: without `_check_places`; without its
-    last two lines, with which the report takes the result's place)."""
+    last two lines, with which the report takes the result's place; HTML written into a .pdf)."""
     for words in (
         ["--output", "/nowhere/at/all/result.json"],
         ["--report", "/nowhere/at/all/report.html"],
         ["--output", "all.html", "--report", "at-all/../all.html"],
+        ["--report", "all.pdf"],
+        ["--report", "all"],
     ):
         (tmp_path / "at-all").mkdir(exist_ok=True)
         monkeypatch.chdir(tmp_path)

@@ -174,8 +174,11 @@ def test_lasers_are_corrected_only_where_asked(asked: bool, tmp_path: Path, monk
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--range-min-m", "-1"], "The option --range-min-m does not fit: Input should be greater than or equal to 0"),
-        (["--range-max-m", "0"], "The option --range-max-m does not fit: Input should be greater than 0"),
+        (
+            ["--range-min-m", "-1"],
+            "The option --range-min-m does not fit: it should be greater than or equal to 0, found -1.0",
+        ),
+        (["--range-max-m", "0"], "The option --range-max-m does not fit: it should be greater than 0, found 0.0"),
         (
             ["--range-min-m", "300"],
             "These options do not fit: expected a least range below the greatest, found 300 to 200 m",

@@ -130,6 +130,18 @@ def report(**changes: object) -> DoctorReport:
     return DoctorReport.model_validate({**fields, **changes})
 
 
+def test_what_is_in_force_is_not_offered_as_another() -> None:
+    """Mutation: the detection's own values told as what would override it."""
+    times = FindingReport(
+        code="points.time_field",
+        level="info",
+        text="Point times are field 't' in ns.",
+        override="--point-time-field t --point-time-unit ns --point-time-reference header-first",
+    )
+    text = " ".join(shown(report_block(report(findings=(times,)))).split())
+    assert "--point-time-field --point-time-unit --point-time-reference" in text.replace("│ ", "")
+
+
 def test_report_says_it_all() -> None:
     """Fails if a part is left out, a unit is not converted, or text in brackets is eaten as markup (seen: `Text`
     dropped around a finding's words)."""

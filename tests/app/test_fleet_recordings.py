@@ -26,6 +26,19 @@ def test_a_folder_and_a_list_are_looked_through(tmp_path):
             find_recordings(wrong)
 
 
+@pytest.mark.parametrize("text", ['{\n  "schema": "unsweep.calibration/1",\n  "status": "weak"\n}\n', "x" * 9000])
+def test_a_text_of_which_no_line_leads_anywhere_is_no_list(tmp_path, text):
+    """A result was "91 recordings", and failed as often. Mutations: taken for a list; a list of recordings that are gone by now
+    taken for none, whose documents may be there."""
+    listed = tmp_path / "result.json"
+    listed.write_text(text)
+    with pytest.raises(InputError, match=r"none of its .* leads anywhere .*, the first to") as refusal:
+        find_recordings(listed)
+    assert str(listed) in str(refusal.value)
+    listed.write_text("gone.bag\n")
+    assert find_recordings(listed) == [tmp_path / "gone.bag"]
+
+
 def test_links_are_followed_and_each_recording_is_found_once(tmp_path):
     """Mutations: links not entered; a circle entered for ever; one that leads nowhere left out; a file counted again under a
     link's name, or named by the link though its own name is there, or is reached by a link itself.
@@ -75,6 +88,7 @@ def test_a_list_may_come_through_a_pipe(tmp_path, monkeypatch):
     reads, writes = os.pipe()
     os.write(writes, b"room.bag\n/else/where.bag\n")
     os.close(writes)
+    (tmp_path / "room.bag").touch()
     assert find_recordings(Path(f"/dev/fd/{reads}")) == [tmp_path / "room.bag", Path("/else/where.bag")]
     os.close(reads)
 

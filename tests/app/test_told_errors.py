@@ -33,6 +33,15 @@ def test_a_corrupt_store_is_one_sentence_at_the_start(tmp_path):
     assert said[-1].endswith(".")
 
 
+def test_a_server_that_cannot_start_prints_no_address(tmp_path):
+    """A data directory in use: "unsweep is at ..." stood above the refusal. Mutation: told before the server has started."""
+    with serving(tmp_path):
+        code, said = serve_once(tmp_path)
+    assert code == 2
+    assert not [line for line in said if "unsweep is at" in line or "Compiling" in line]
+    assert said[-1].startswith("unsweep: ")
+
+
 def test_a_store_that_breaks_under_way_is_unavailable_and_not_a_defect(tmp_path):
     """Oracle: the status. Mutation: SQLAlchemy's errors as any other exception: 500, "the program itself failed"."""
     with serving(tmp_path) as live:
@@ -121,3 +130,15 @@ def test_a_stream_that_fails_by_itself_is_a_defect(shared_live, caplog, monkeypa
     with pytest.raises(httpx2.HTTPError):
         shared_live.http.get(f"/api/recordings/{recording_id}/events").read()
     shared_live.wait(lambda: any("defect" in record.message for record in caplog.records))
+
+
+def test_an_address_of_nothing_is_not_found_and_a_wrong_body_is_invalid(live):
+    """Oracle: the status. Mutation: 422, "String should match pattern '^[0-9a-f]{32}$'", for an id that nothing can have."""
+    nothing = live.http.get("/api/recordings/not-an-id")
+    wrong = live.http.post("/api/recordings", json={"folder_path": 7, "colour": "red"})
+    for answer, status in ((nothing, 404), (wrong, 422)):
+        assert answer.status_code == status
+        text = answer.json()["error"]["text"]
+        assert "should match" not in text
+        assert "Extra inputs" not in text
+    assert "no such thing is known, found 'not-an-id'" in nothing.json()["error"]["text"]

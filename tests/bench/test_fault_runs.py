@@ -21,7 +21,6 @@ from bench.fault_runs import (
     parameters_of,
     read_fault_runs,
     run_of,
-    scenario_of,
     settings_from,
 )
 from bench.statistics import BIAS_SIGMAS, bias_text
@@ -227,16 +226,8 @@ def test_a_campaign_runs_once_and_goes_on(tmp_path: Path, monkeypatch: pytest.Mo
     assert settings_from("method=paper").method == "paper"
 
 
-def test_the_table_and_the_lidars_are_known() -> None:
-    """Every row of the table can be made. Mutations: a fault's name misspelt in it; the lidar left as it was."""
+def test_the_table_is_known() -> None:
+    """Every row of the table can be made. Mutation: a fault's name misspelt in it."""
     for name, faults in TABLE:
-        assert scenario_of(name) is SCENARIOS[name]
+        assert name in SCENARIOS
         assert faults == fault_runs.NONE or parse_faults(faults)
-    behind = scenario_of("handheld+xt32")
-    assert (behind.lidar.frame_id, behind.imu, behind.slug) == (
-        "PandarXT-32",
-        SCENARIOS["handheld"].imu,
-        "handheld+xt32",
-    )
-    with pytest.raises(ValueError, match=r"\+vlp16, \+xt32"):
-        scenario_of("handheld+vlp")

@@ -21,6 +21,7 @@ RECORDS = {
     "intrinsics",
     "kinds",
     "counts",
+    "misfits",
     "pace",
     "sigmas",
     "written",

@@ -28,6 +28,7 @@ from calib_core.full.joint.by_laser import ByLaser, by_laser
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.run import Run
+from calib_core.settings import Axis
 from calib_core.types import FloatArray
 
 
@@ -37,7 +38,8 @@ class Confidence:
     estimated, or are none.
 
     apart: the parts that were compared.   contradicted: what was given beforehand and is wrong.   sensors_unexplained: (N,) what
-    noise does not explain of the variances of the sensors' parameters that were estimated.
+    noise does not explain of the variances of the sensors' parameters that were estimated.   weak_by_sensors: axes that would
+    not be weak but for what is considered.
     """
 
     knowledge: Knowledge
@@ -47,6 +49,7 @@ class Confidence:
     apart: Apart
     contradicted: tuple[Contradiction, ...] = ()
     sensors_unexplained: FloatArray = field(default_factory=lambda: np.zeros(0))
+    weak_by_sensors: tuple[Axis, ...] = ()
 
     @property
     def is_torn(self) -> bool:
@@ -73,15 +76,19 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     contradicted = _contradicted(run, solved, plain, budget, found)
     say_contradictions(run, contradicted)
     say_disagreement(run, found, budget.disagreement)
-    knowledge = assess(
-        information, problem.priors, frozen_offset=frozen, offset_std_s=clocks_std_s, added=budget.beyond_noise
-    )
+
+    def known(added: FloatArray) -> Knowledge:
+        return assess(information, problem.priors, frozen_offset=frozen, offset_std_s=clocks_std_s, added=added)
+
+    knowledge = known(budget.beyond_noise)
+    weak_anyhow = known(budget.beyond_noise - budget.considered).weak_axes
+    by_sensors = tuple(axis for axis in knowledge.weak_axes if axis not in weak_anyhow)
     if not frozen:
         say_clocks(run, knowledge)
     unexplained = (
         _sensors_unexplained(run, solved, found) if considered is None else np.zeros(solved.nuisance.sensors.size)
     )
-    return Confidence(knowledge, budget, considered, found, apart, contradicted, unexplained)
+    return Confidence(knowledge, budget, considered, found, apart, contradicted, unexplained, by_sensors)
 
 
 def _considered(run: Run, solved: Solved) -> Considered | None:

@@ -89,6 +89,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
     planes, weak = plane_qualities(solved), weak_directions(knowledge)
     total = sum(plane.points for plane in planes)
     scans = len(np.unique(solved.observations.scan)), len(run.recording.scans)
+    said = advice(knowledge, turning_std_rad_s, e.R_imu_lidar, scans, by_sensors=trust.weak_by_sensors)
     return Answer(
         R_imu_lidar=e.R_imu_lidar,
         p_imu_lidar=e.p_imu_lidar,
@@ -101,7 +102,7 @@ def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> An
         is_weak=knowledge.is_weak or trust.is_torn or any(each.bends for each in trust.contradicted),
         weak_axes=knowledge.weak_axes,
         weak_directions=weak,
-        advice=tuple(said.text for said in advice(knowledge, turning_std_rad_s, e.R_imu_lidar, scans)),
+        advice=tuple(each.text for each in said),
         rms_m=float(np.sqrt(sum(p.rms_m**2 * p.points for p in planes) / max(total, 1))),
         points_used=total,
         scans_used=scans[0],

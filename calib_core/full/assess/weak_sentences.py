@@ -5,6 +5,7 @@ Measured by observability.py; no number is made here.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES, UNITS
 from calib_core.result import COVARIANCE_ORDER, WeakDirection
+from calib_core.settings import Axis
 from calib_core.sigmas import std_text
 from calib_core.types import FloatArray
 
@@ -89,13 +91,16 @@ def advice(
     turning_std_rad_s: FloatArray,
     R_imu_lidar: FloatArray,
     scans: tuple[int, int] | None = None,
+    *,
+    by_sensors: Sequence[Axis] = (),
 ) -> list[Advice]:
     """What to record next, from the weak parameters and from how much the IMU turned about each of its axes.
 
     turning_std_rad_s: (3,) rms angular rate about the IMU's axes.   scans: how many count, and how many there are; None where
     that is not known yet. Where most of them do not, more turning is no remedy, and may be what lost the planes.
+    by_sensors: axes that only what the sensors may be off by leaves weak, of which no motion tells where it is not estimated.
     """
-    weak = knowledge.weak_axes
+    weak = [axis for axis in knowledge.weak_axes if axis not in by_sensors]
     axes = "xyz"
     if weak and scans is not None and scans[0] < WORDING.most_scans * scans[1]:
         about = tuple(i for i, axis in enumerate(COVARIANCE_ORDER) if axis in weak)
@@ -129,4 +134,18 @@ def advice(
         out.append(Advice(text, (0, 1, 2)))
     if "dt" in weak:
         out.append(Advice("To determine the time offset, turn faster and reverse direction often.", (TIME_OFFSET,)))
-    return out
+    return out + _of_sensors(by_sensors)
+
+
+def _of_sensors(axes: Sequence[Axis]) -> list[Advice]:
+    if not axes:
+        return []
+    about = tuple(i for i, axis in enumerate(COVARIANCE_ORDER) if axis in axes)
+    whole = {"r": "rotation", "t": "translation", "d": "time offset"}
+    named = list(dict.fromkeys(whole[axis[0]] for axis in COVARIANCE_ORDER if axis in axes))
+    text = (
+        f"The {' and '.join(named)} {'is' if not named[1:] else 'are'} weak only by what the sensors may be off by, which is "
+        "counted and not estimated: let it be estimated (`--intrinsics auto`), or name an IMU whose data sheet allows less; "
+        "no other motion is needed."
+    )
+    return [Advice(text, about)]

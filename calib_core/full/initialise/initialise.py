@@ -21,7 +21,7 @@ from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
 from calib_core.full.run import Run
-from calib_core.types import InitialGuess, Plane
+from calib_core.types import InitialGuess, Plane, Recording
 
 #: Rounds by which the time offset may be off as well that are told.
 _TOLD = 3
@@ -51,7 +51,7 @@ def initialise(
         start, is_turned_as_guessed = start_from_guess(run, lidar, candidates, guess)
         candidates = [start]
     if not candidates:
-        raise _nothing_to_compare(len(motions), len(run.recording.scans))
+        raise _nothing_to_compare(run.recording, len(motions))
     magnitude = run.settings.gravity.magnitude_m_s2
 
     def trial(rotation: RotationStart) -> Start:
@@ -160,14 +160,25 @@ def _refuse_misread_imu(run: Run, lidar: LidarTrack, rotation: RotationStart, li
         raise Refused("imu.axis_signs", complaint)
 
 
-def _nothing_to_compare(followed: int, scans: int) -> Refused:
-    """Why no start is found at all: the lidar was soon lost, or its stamps are those of another time."""
+def _nothing_to_compare(recording: Recording, followed: int) -> Refused:
+    """Why no start is found at all: the lidar was soon lost, it is too short, or its stamps are those of another time."""
+    scans = len(recording.scans)
+    seconds = 1e-9 * (recording.scans[-1].stamp_ns - recording.scans[0].stamp_ns)
     if followed < FOLLOWING.followed_share * scans:
         return Refused(
             "planes.lost",
             f"the lidar could be followed over {followed} of {scans} scans only, too few to compare its motion with the IMU's; "
             "record more slowly, where three planes that face different ways stay in view",
         )
+    if seconds < ROTATING.overlap_s:
+        after = f", from {recording.skipped_s:.1f} s of the recording on," if recording.skipped_s else ""
+        return Refused(
+            "start.no_overlap",
+            f"{seconds:.1f} s of scans{after} are too few to compare the lidar's motion with the IMU's: take more of "
+            "it, or record 20 s",
+        )
     return Refused(
-        "start.no_overlap", "the lidar and the IMU share no stretch of time long enough to compare their motion"
+        "start.no_overlap",
+        "the lidar and the IMU share no stretch of time long enough to compare their motion: their stamps are of different "
+        "times; see `unsweep inspect`, or give the time offset",
     )

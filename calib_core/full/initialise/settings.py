@@ -210,6 +210,8 @@ class Rotating:
     between: int = 12
     #: judged: a guessed time offset takes the rotation of a lag this near: half a scan.
     guess_s: float = 0.05
+    #: derived: priors on the rotation whose three sigmas are below a degree hold it where it is: turning refutes from six on.
+    held_rad: float = 0.005
     #: derived: turns about the only axis that are tried where it stays open, 15 deg apart.
     open_turns: int = 24
 

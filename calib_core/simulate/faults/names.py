@@ -112,6 +112,13 @@ def parse_faults(text: str) -> tuple[Fault, ...]:
     chosen: dict[str, Fault] = {}
     for word in filter(None, (part.strip() for part in text.split(","))):
         found = _WORD.fullmatch(word)
+        base, sized, size = word.partition("=")
+        if found is None and sized and base in (*FAULTS, *PROFILES):
+            raise SettingsError(
+                f"expected a number as the size of the fault {base}, found {size!r}; give one, for example {base}=0.008, or none "
+                "for the usual size",
+                code="simulate.faults",
+            )
         name = found["name"] if found else word
         if found is None or (name not in FAULTS and name not in PROFILES):
             raise SettingsError(

@@ -147,14 +147,39 @@ def test_a_failure_is_told_to_its_sigmas_second_digit(difference: float, std: fl
     assert said in _sentence("failed", [axis], Calibration(drawn(1, correlated(1)), None))
 
 
-def test_the_given_ones_own_uncertainty_counts() -> None:
-    """Two independent solves: variances add. Mutation: the given covariance forgotten."""
+def test_the_same_numbers_are_judged_alike_whatever_their_file_says_of_them() -> None:
+    """Numbers in use are right or wrong: a weak result's own 9 m had an error of 160 mm "unknown", which a bare matrix failed by.
+
+    Mutations: variances of both added; nothing said of the file's own; said of every file that states some.
+    """
     found = make_result(R, P, OFFSET_NS)
     assert found.uncertainty is not None
     own = np.array(found.uncertainty.covariance)
-    report = report_of(GivenExtrinsic(TRUTH, OFFSET_NS, "a result", 3.0 * own), Calibration(found, None), Limits())
-    expected = 2.0 * np.sqrt(np.diag(own)) * UNITS
-    np.testing.assert_allclose([axis.difference_std for axis in report.axes], expected)
+    wrong, _ = moved(3, 160.0)
+    bare = audited(found, wrong, Limits())
+    weak = own.copy()
+    weak[3, 3] += 9.1**2
+    for covariance, said in ((own, 0), (weak, 1)):
+        given = GivenExtrinsic(wrong, OFFSET_NS, "a result", covariance)
+        report = report_of(given, Calibration(found, None), Limits())
+        assert (report.verdict, report.axes) == ("failed", bare.axes)
+        assert len(report.hints) == said
+        assert all(
+            "translation along the IMU's x axis that it is known to 9.1 m (1 sigma)" in hint for hint in report.hints
+        )
+
+
+def test_why_no_motion_fits_is_told_without_what_a_recording_should_do() -> None:
+    """The recording gives its own answer: a given extrinsic that is wrong was put down to time stamps, units or planes.
+
+    Mutation: the refusal as it stands.
+    """
+    refusal = "the best answer needs an IMU that is off by 0.5 deg/s; the time stamps or the IMU's units are not what they seem."
+    given = GivenExtrinsic(TRUTH, OFFSET_NS, "a matrix")
+    report = report_of(given, Calibration(make_result(R, P, OFFSET_NS), None), Limits(), None, refusal)
+    (hint,) = report.hints
+    assert hint.startswith("With the given extrinsic held no motion fits the recording")
+    assert hint.endswith("needs an IMU that is off by 0.5 deg/s.")
 
 
 @pytest.mark.parametrize(

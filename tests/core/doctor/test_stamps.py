@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +15,11 @@ from calib_core import api
 from calib_core.doctor import DoctorReport
 from calib_core.doctor.imu_report import excitation, imu_report
 from calib_core.doctor.stamps import stamp_report
+from calib_core.doctor.topics import counted_rates
 from calib_core.events import LogEvent
 from calib_core.full.prepare.prepare import prepare
 from calib_core.pace import rate_hz
+from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.imu.readings import CleanedImu
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.settings import CalibrateSettings
@@ -145,3 +149,33 @@ def test_a_topic_has_one_rate(pair: tuple[Path, Path]) -> None:
     assert set(rates(told[0]).values()) == {0.0}  # not another one before it is known
     solved = api.load(pair[0], fingerprint=False)
     assert rate_hz(solved.imu.stamps_ns) == report.imu.stamps.rate_hz
+
+
+def test_a_lidar_that_is_not_chosen_has_its_own_rate() -> None:
+    """Two lidars of 10 Hz that began half a second late were 9.7 Hz both, and the one that was chosen 10.
+
+    Oracle: the times the messages are made at. Mutations: by number alone; what is read anyhow read twice; other topics read.
+    """
+    received_ns = 7_000_000_000 + np.arange(500_000_000, 15_500_000_000, 100_000_000)
+    received_ns[::7] += 4_000_000
+    topics = [
+        TopicSummary("/front", "sensor_msgs/msg/PointCloud2", 150, "cdr"),
+        TopicSummary("/rear", "sensor_msgs/msg/PointCloud2", 150, "cdr"),
+        TopicSummary("/image", "sensor_msgs/msg/Image", 465, "cdr"),
+        TopicSummary("/once", "sensor_msgs/msg/PointCloud2", 1, "cdr"),
+    ]
+    asked: list[set[str]] = []
+
+    def messages(names: set[str], *, start_ns: int, stop_ns: int) -> list[RawMessage]:
+        asked.append(names)
+        inside = received_ns[(received_ns >= start_ns) & (received_ns < stop_ns)]
+        return [RawMessage(name, int(at), b"") for at in inside for name in ("/front", "/rear") if name in names]
+
+    recording: Any = SimpleNamespace(
+        topics=topics, start_ns=7_000_000_000, end_ns=22_500_000_000, duration_s=15.5, messages=messages
+    )
+    rates = counted_rates(recording, [])
+    assert (rates["/front"], rates["/rear"]) == pytest.approx((10.0, 10.0), rel=5e-3)
+    assert (rates["/image"], rates["/once"]) == (pytest.approx(30.0), 0.0)
+    counted_rates(recording, ["/front"])
+    assert asked == [{"/front", "/rear", "/once"}, {"/rear", "/once"}]

@@ -61,6 +61,23 @@ def test_given_planes_guess_and_offset_are_used_as_given(noisy: tuple[Recording,
     assert min(result.uncertainty.rotation_std_deg) > 0.03
 
 
+def test_what_sensors_alone_leave_weak_is_no_matter_of_the_motion(short: Scenario) -> None:
+    """A rig that turned by 15 deg/s about all axes was asked to turn about two, where the sensors were counted and not estimated.
+
+    Oracle: the same readings, estimated, are calibrated. Mutations: turning advised all the same; what is considered left in for
+    what is weak anyhow.
+    """
+    recording, _ = generate(replace(short, duration_s=8.0), seed=5)
+    counted, estimated = (
+        calibrate(recording, CalibrateSettings(intrinsics=mode)).result for mode in ("consider", "auto")
+    )
+    assert (counted.status, estimated.status) == ("weak", "calibrated")
+    (advice,) = counted.observability.advice
+    assert "weak only by what the sensors may be off by" in advice
+    assert "turn" not in advice
+    assert not estimated.observability.advice
+
+
 def test_turning_in_place_about_one_axis_is_weak_and_says_what_is_missing(short: Scenario) -> None:
     """Fails when an undetermined direction's standing prior passes for knowledge, or the open turn starts anywhere.
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.deskew import deskew_points
-from calib_core.errors import Refused, SettingsError
+from calib_core.errors import InputError, Refused, SettingsError
 from calib_core.events import Event, LogEvent
 from calib_core.full import known_extrinsic
 from calib_core.full.known_extrinsic import held_calibration, held_motion, laser_corrector, turning_alone
@@ -193,6 +193,19 @@ def test_with_the_true_calibration_sweeps_come_out_as_the_true_motion_says(simul
         worst_raw_m = max(worst_raw_m, float(np.sqrt(np.mean(np.sum((scan.points["xyz"] - expected) ** 2, axis=1)))))
     assert worst_raw_m > 0.03
     assert max(errors_m) < 0.003
+
+
+def test_the_calibration_of_another_rig_is_told_and_takes_nothing_out(simulated: tuple[Recording, Truth]) -> None:
+    """Half a turn off, it went through thirty rounds of walls that "are not flat" and wrote what it made of the sweeps.
+
+    Mutation: the refusal taken for a recording that does not give its motion, of which the turning is taken out.
+    """
+    recording, truth = simulated
+    R_other = truth.R_imu_lidar @ Rotation.from_rotvec([0.0, np.pi, 0.0]).as_matrix()
+    result = make_result(R_other, truth.p_imu_lidar, truth.time_offset_ns)
+    with pytest.raises(InputError, match=r"room\.bag does not fit this recording: .* turned by 180 deg; ") as refusal:
+        held_motion(recording, result)
+    assert refusal.value.code == "deskew.other_calibration"
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.errors import SettingsError
 from calib_core.simulate import SCENARIOS, Simulation, generate, parse_faults, prepare
 from calib_core.simulate.faults import FAULTS, clock
 from calib_core.simulate.faults.engine import shaken
@@ -405,3 +406,13 @@ def test_every_fault_changes_the_data_and_is_in_the_truth(name: str) -> None:
     assert document.faults == [name]
     in_the_room = {"vibration", "bent-walls", "door-ajar", "skirting", "glass", "materials"}
     assert bool(document.intrinsics) == (name not in in_the_room)
+
+
+@pytest.mark.parametrize("word", ["laser-offsets=foo", "laser-offsets=", "industrial=foo", "door-ajar=1.2.3"])
+def test_a_size_that_is_none_is_told_as_that(word: str) -> None:
+    """Mutation: a name that is known called an unknown fault."""
+    base, _, size = word.partition("=")
+    with pytest.raises(SettingsError, match=f"size of the fault {base}, found {size!r}"):
+        parse_faults(word)
+    with pytest.raises(SettingsError, match="expected the name of a fault, found 'laser-offset=1'"):
+        parse_faults("laser-offset=1")

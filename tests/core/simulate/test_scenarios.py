@@ -10,6 +10,7 @@ import pytest
 from calib_core.errors import Cancelled, SettingsError, UnsweepError
 from calib_core.simulate import SCENARIOS, Mounting, generate, prepare
 from calib_core.simulate.scenario import checked_mounting
+from calib_core.simulate.scenarios import named
 
 #: The estimator's issue names these.
 ASKED_FOR = (
@@ -139,3 +140,16 @@ def test_no_noise_means_none_of_either_sensor() -> None:
     np.testing.assert_allclose(one.imu.gyro_rad_s, exact.omega_rad_s, atol=1e-9)
     noisy, _ = generate(walk, seed=2, duration_s=0.6)
     assert (noisy.imu.gyro_rad_s != other.imu.gyro_rad_s).any()
+
+
+def test_a_scenario_behind_another_lidar() -> None:
+    """The README's tables name such, which the command line did not know. Mutations: the lidar left as it was; its name dropped,
+    by which the noise is drawn; an unknown lidar taken for the scenario's own."""
+    behind, own = named("handheld+xt32"), SCENARIOS["handheld"]
+    assert (behind.lidar.frame_id, behind.imu, behind.slug) == ("PandarXT-32", own.imu, "handheld+xt32")
+    assert named("handheld") is own
+    recording, _ = generate("handheld+os1", duration_s=0.5)
+    assert recording.name == "handheld+os1"
+    for wrong in ("handheld+vlp", "hand+os1", "handheld+"):
+        with pytest.raises(SettingsError, match=r"choose one of .*handheld.* with \+vlp16, \+xt32"):
+            named(wrong)

@@ -364,6 +364,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/recordings/{recording_id}/scene.html": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download Scene
+         * @description The scene as it is shown now, as one self-contained page to share.
+         */
+        get: operations["download_scene"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/recordings/{recording_id}/share": {
         parameters: {
             query?: never;
@@ -955,23 +975,36 @@ export interface components {
          * @description The whole document. Where `status` is refused the answer's fields are None and `messages` has the reasons.
          */
         CalibrationResult: {
+            /** @description lidar coordinates to IMU coordinates */
             T_imu_lidar: components["schemas"]["Transform"] | null;
-            /** Accelerometer Bias M S2 */
+            /**
+             * Accelerometer Bias M S2
+             * @description mean over the recording, along the IMU's axes
+             */
             accelerometer_bias_m_s2: number[] | null;
             /**
              * Clock Rate Ppm
              * @description t_lidar = t_imu + time_offset_s + clock_rate_ppm 1e-6 (t_lidar - the instant it holds at)
              */
             clock_rate_ppm?: number | null;
-            /** Clock Rate Ppm Std */
+            /**
+             * Clock Rate Ppm Std
+             * @description of clock_rate_ppm
+             */
             clock_rate_ppm_std?: number | null;
             /** @description what parts of the recording answer by themselves; absent where there is no answer */
             evidence?: components["schemas"]["Evidence"] | null;
-            /** Gravity M S2 */
+            /**
+             * Gravity M S2
+             * @description its magnitude
+             */
             gravity_m_s2: number | null;
             /** @description the rotation into the gyroscope's own axes, where the IMU's frame is the accelerometer's */
             gyroscope_axes?: components["schemas"]["GyroscopeAxes"] | null;
-            /** Gyroscope Bias Rad S */
+            /**
+             * Gyroscope Bias Rad S
+             * @description mean over the recording, along the IMU's axes
+             */
             gyroscope_bias_rad_s: number[] | null;
             /**
              * Imu Frame
@@ -981,21 +1014,32 @@ export interface components {
             imu_frame: string;
             /** @description the IMU's noise densities and random walks that the solve used, mean over axes */
             imu_noise?: components["schemas"]["ImuNoise"] | null;
-            /** Intrinsics */
+            /**
+             * Intrinsics
+             * @description the sensors' own parameters
+             */
             intrinsics?: components["schemas"]["Intrinsic"][];
-            /** Messages */
+            /**
+             * Messages
+             * @description what was found and done on the way
+             */
             messages: components["schemas"]["Message"][];
+            /** @description what the motion left unknown */
             observability: components["schemas"]["Observability"];
+            /** @description of what, how and by what it was made */
             provenance: components["schemas"]["Provenance"];
+            /** @description how well the answer fits */
             quality: components["schemas"]["Quality"];
             /**
              * Schema
+             * @description which document this is
              * @default unsweep.calibration/1
              * @constant
              */
             schema: "unsweep.calibration/1";
             /**
              * Status
+             * @description weak: some standard deviation is beyond its limit; refused: there is no answer
              * @enum {string}
              */
             status: "calibrated" | "weak" | "refused";
@@ -1004,10 +1048,17 @@ export interface components {
              * @description lidar time, seconds from the recording's start, at which time_offset_s holds
              */
             time_offset_at_s?: number | null;
-            /** Time Offset Ns */
+            /**
+             * Time Offset Ns
+             * @description the same, exact where clocks have different epochs
+             */
             time_offset_ns: number | null;
-            /** Time Offset S */
+            /**
+             * Time Offset S
+             * @description to ADD to an IMU stamp to express it in the lidar clock
+             */
             time_offset_s: number | null;
+            /** @description one standard deviation each, marginal over everything else */
             uncertainty: components["schemas"]["Uncertainty"] | null;
         };
         /**
@@ -1222,9 +1273,14 @@ export interface components {
          * @description The same points before (each sweep as rigid) and after (de-skewed with this answer), and what it means.
          */
         Crispness: {
+            /** @description straightened with this answer */
             after: components["schemas"]["RoomCrispness"];
+            /** @description each sweep as if it were rigid */
             before: components["schemas"]["RoomCrispness"];
-            /** Text */
+            /**
+             * Text
+             * @description what that means, for a person
+             */
             text: string;
         };
         /**
@@ -1364,6 +1420,7 @@ export interface components {
          * @description How the answer stands within its recording. parts: by the joint solve.   time_offset_profile: apart from it.
          */
         Evidence: {
+            /** @description the recording in parts, each with its own answer */
             parts: components["schemas"]["Parts"];
             /** @description absent where the body hardly turned */
             time_offset_profile?: components["schemas"]["OffsetProfile"] | null;
@@ -1654,13 +1711,17 @@ export interface components {
         /**
          * GyroscopeAxes
          * @description The rotation from the lidar into the gyroscope's mean axes, of which `T_imu_lidar` has that into the accelerometer's.
-         *
-         *     rotation_std_deg: (3,) about the lidar's axes.
          */
         GyroscopeAxes: {
-            /** Quaternion Xyzw */
+            /**
+             * Quaternion Xyzw
+             * @description x, y, z, w of the rotation that takes lidar axes to the gyroscope's
+             */
             quaternion_xyzw: number[];
-            /** Rotation Std Deg */
+            /**
+             * Rotation Std Deg
+             * @description about the lidar's axes
+             */
             rotation_std_deg: number[];
         };
         /**
@@ -1815,26 +1876,48 @@ export interface components {
          * @description One parameter of a sensor's own; signs in calib_core/intrinsics.py. significant: beyond three of its sigmas from zero.
          */
         Intrinsic: {
-            /** Block */
+            /**
+             * Block
+             * @description such as laser_range_offset or gyroscope_scale
+             */
             block: string;
-            /** Name */
+            /**
+             * Name
+             * @description within its block: an axis, a ring
+             */
             name: string;
-            /** Prior Std */
+            /**
+             * Prior Std
+             * @description standard deviation that was allowed beforehand
+             */
             prior_std: number;
             /** @description of what was only considered: by how much the answer is off where it is one prior_std above zero */
             shift?: components["schemas"]["Shift"] | null;
-            /** Significant */
+            /**
+             * Significant
+             * @description beyond three of its sigmas from zero
+             */
             significant: boolean;
             /**
              * State
+             * @description considered: held at 0 and counted in the error bars
              * @enum {string}
              */
             state: "estimated" | "considered";
-            /** Std */
+            /**
+             * Std
+             * @description standard deviation of the value
+             */
             std: number;
-            /** Unit */
+            /**
+             * Unit
+             * @description of value, std and prior_std
+             */
             unit: string;
-            /** Value */
+            /**
+             * Value
+             * @description 0 of an ideal sensor
+             */
             value: number;
         };
         /**
@@ -2106,14 +2189,21 @@ export interface components {
         };
         /** Message */
         Message: {
-            /** Code */
+            /**
+             * Code
+             * @description stable and dotted, such as solve.diverged
+             */
             code: string;
             /**
              * Level
+             * @description how much it matters; of a refused document an error is the reason
              * @enum {string}
              */
             level: "info" | "warning" | "error";
-            /** Text */
+            /**
+             * Text
+             * @description one sentence for a person
+             */
             text: string;
         };
         /**
@@ -2233,15 +2323,23 @@ export interface components {
         };
         /**
          * Observability
-         * @description weak_axes: the parameters that the data alone leave weak, whichever directions these make together; none of documents from
-         *     before 0.2.
+         * @description What the data alone leave weak, and what to do about it.
          */
         Observability: {
-            /** Advice */
+            /**
+             * Advice
+             * @description what to do next, a sentence each
+             */
             advice?: string[];
-            /** Weak Axes */
+            /**
+             * Weak Axes
+             * @description of covariance_order: beyond 0.5 deg, 20 mm or 2 ms without priors; none of documents from before 0.2
+             */
             weak_axes?: ("rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt")[];
-            /** Weak Directions */
+            /**
+             * Weak Directions
+             * @description what is weak together
+             */
             weak_directions?: components["schemas"]["WeakDirection"][];
         };
         /**
@@ -2264,7 +2362,10 @@ export interface components {
              * @description 1 where a turn of the axes explains all of both, null where too little is in common
              */
             likeness: (number | null)[];
-            /** Step S */
+            /**
+             * Step S
+             * @description between two values
+             */
             step_s: number;
             /**
              * Text
@@ -2364,14 +2465,20 @@ export interface components {
          * @description The recording in parts, each with its own answer.
          */
         Parts: {
-            /** Planes */
+            /**
+             * Planes
+             * @description points of one plane each
+             */
             planes: components["schemas"]["PlaneAnswer"][];
             /**
              * Ranges
              * @description points nearer and farther than the middle one
              */
             ranges: components["schemas"]["RangeAnswer"][];
-            /** Time Blocks */
+            /**
+             * Time Blocks
+             * @description stretches of time, one after the other
+             */
             time_blocks: components["schemas"]["TimeBlock"][];
         };
         /**
@@ -2427,19 +2534,40 @@ export interface components {
         };
         /** PlaneAnswer */
         PlaneAnswer: {
-            /** Name */
+            /**
+             * Name
+             * @description of the plane
+             */
             name: string;
-            /** Rotation Shift Deg */
+            /**
+             * Rotation Shift Deg
+             * @description turns about the lidar's axes
+             */
             rotation_shift_deg: number[];
-            /** Rotation Std Deg */
+            /**
+             * Rotation Std Deg
+             * @description about the lidar's axes
+             */
             rotation_std_deg: number[];
-            /** Time Offset Shift S */
+            /**
+             * Time Offset Shift S
+             * @description of the time offset
+             */
             time_offset_shift_s: number;
-            /** Time Offset Std S */
+            /**
+             * Time Offset Std S
+             * @description of the time offset
+             */
             time_offset_std_s: number;
-            /** Translation Shift M */
+            /**
+             * Translation Shift M
+             * @description along the IMU's axes
+             */
             translation_shift_m: number[];
-            /** Translation Std M */
+            /**
+             * Translation Std M
+             * @description along the IMU's axes
+             */
             translation_std_m: number[];
         };
         /**
@@ -2476,18 +2604,30 @@ export interface components {
          * @description A plane n . x + offset_m = 0 of the map frame, and the points used of it.
          */
         PlaneQuality: {
-            /** Name */
+            /**
+             * Name
+             * @description as people call it
+             */
             name: string;
-            /** Normal */
+            /**
+             * Normal
+             * @description unit length, map frame
+             */
             normal: number[];
-            /** Offset M */
+            /**
+             * Offset M
+             * @description n . x + offset_m = 0
+             */
             offset_m: number;
             /**
              * Outline M
              * @description corners of the convex polygon that it was restricted to, map frame, as given; absent without one
              */
             outline_m?: number[][] | null;
-            /** Points */
+            /**
+             * Points
+             * @description used of it
+             */
             points: number;
             /**
              * Rms M
@@ -2680,12 +2820,19 @@ export interface components {
         };
         /** Provenance */
         Provenance: {
+            /** @description what was solved */
             recording: components["schemas"]["RecordingProvenance"];
-            /** Settings */
+            /**
+             * Settings
+             * @description how it was solved
+             */
             settings: {
                 [key: string]: unknown;
             };
-            /** Software */
+            /**
+             * Software
+             * @description versions, by name
+             */
             software: {
                 [key: string]: string;
             };
@@ -2694,41 +2841,83 @@ export interface components {
         Quality: {
             /** @description of the accumulated room, knowing no planes; absent where it was not measured */
             crispness?: components["schemas"]["Crispness"] | null;
-            /** Duration S */
+            /**
+             * Duration S
+             * @description that the solve took
+             */
             duration_s: number;
-            /** Iterations */
+            /**
+             * Iterations
+             * @description of the joint solve
+             */
             iterations: number;
-            /** Planes */
+            /**
+             * Planes
+             * @description those that the answer is by
+             */
             planes: components["schemas"]["PlaneQuality"][];
             /**
              * Point To Plane Rms M
              * @description of the distances of all points used, as of each plane's
              */
             point_to_plane_rms_m: number;
-            /** Points Used */
+            /**
+             * Points Used
+             * @description points that lie on planes and count
+             */
             points_used: number;
-            /** Scans Total */
+            /**
+             * Scans Total
+             * @description scans of the recording
+             */
             scans_total: number;
-            /** Scans Used */
+            /**
+             * Scans Used
+             * @description scans that count
+             */
             scans_used: number;
         };
         /** RangeAnswer */
         RangeAnswer: {
-            /** From M */
+            /**
+             * From M
+             * @description least distance of its points
+             */
             from_m: number;
-            /** Rotation Shift Deg */
+            /**
+             * Rotation Shift Deg
+             * @description turns about the lidar's axes
+             */
             rotation_shift_deg: number[];
-            /** Rotation Std Deg */
+            /**
+             * Rotation Std Deg
+             * @description about the lidar's axes
+             */
             rotation_std_deg: number[];
-            /** Time Offset Shift S */
+            /**
+             * Time Offset Shift S
+             * @description of the time offset
+             */
             time_offset_shift_s: number;
-            /** Time Offset Std S */
+            /**
+             * Time Offset Std S
+             * @description of the time offset
+             */
             time_offset_std_s: number;
-            /** To M */
+            /**
+             * To M
+             * @description greatest distance of its points
+             */
             to_m: number;
-            /** Translation Shift M */
+            /**
+             * Translation Shift M
+             * @description along the IMU's axes
+             */
             translation_shift_m: number[];
-            /** Translation Std M */
+            /**
+             * Translation Std M
+             * @description along the IMU's axes
+             */
             translation_std_m: number[];
         };
         /**
@@ -2903,15 +3092,30 @@ export interface components {
         };
         /** RecordingProvenance */
         RecordingProvenance: {
-            /** Duration S */
+            /**
+             * Duration S
+             * @description from its first scan to its last
+             */
             duration_s: number;
-            /** Imu Frame Id */
+            /**
+             * Imu Frame Id
+             * @description the frame that T_imu_lidar leads to
+             */
             imu_frame_id: string;
-            /** Imu Rate Hz */
+            /**
+             * Imu Rate Hz
+             * @description by the stamps; null where it is not known
+             */
             imu_rate_hz?: number | null;
-            /** Imu Topic */
+            /**
+             * Imu Topic
+             * @description whose readings were used
+             */
             imu_topic: string;
-            /** Lidar Frame Id */
+            /**
+             * Lidar Frame Id
+             * @description the frame that T_imu_lidar leads from
+             */
             lidar_frame_id: string;
             /**
              * Lidar Model
@@ -2919,11 +3123,20 @@ export interface components {
              * @default
              */
             lidar_model: string;
-            /** Lidar Topic */
+            /**
+             * Lidar Topic
+             * @description whose clouds were used
+             */
             lidar_topic: string;
-            /** Name */
+            /**
+             * Name
+             * @description of the file or folder
+             */
             name: string;
-            /** Sha256 */
+            /**
+             * Sha256
+             * @description of the file; of a folder of its files' hashes in name order
+             */
             sha256: string;
         };
         /**
@@ -3130,14 +3343,20 @@ export interface components {
          * @description How crisp one map of the room is, measured without planes over small cubes; lower is crisper.
          */
         RoomCrispness: {
-            /** Cubes */
+            /**
+             * Cubes
+             * @description that they lie in
+             */
             cubes: number;
             /**
              * Mean Entropy Nat
              * @description mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube
              */
             mean_entropy_nat: number;
-            /** Points */
+            /**
+             * Points
+             * @description that were looked at
+             */
             points: number;
             /**
              * Thickness Std M
@@ -3287,11 +3506,20 @@ export interface components {
          * @description A shift from the answer: turns about the lidar's axes, shifts along the IMU's.
          */
         Shift: {
-            /** Rotation Shift Deg */
+            /**
+             * Rotation Shift Deg
+             * @description turns about the lidar's axes
+             */
             rotation_shift_deg: number[];
-            /** Time Offset Shift S */
+            /**
+             * Time Offset Shift S
+             * @description of the time offset
+             */
             time_offset_shift_s: number;
-            /** Translation Shift M */
+            /**
+             * Translation Shift M
+             * @description along the IMU's axes
+             */
             translation_shift_m: number[];
         };
         /**
@@ -3517,24 +3745,45 @@ export interface components {
         };
         /** TimeBlock */
         TimeBlock: {
-            /** Rotation Shift Deg */
+            /**
+             * Rotation Shift Deg
+             * @description turns about the lidar's axes
+             */
             rotation_shift_deg: number[];
-            /** Rotation Std Deg */
+            /**
+             * Rotation Std Deg
+             * @description about the lidar's axes
+             */
             rotation_std_deg: number[];
-            /** T End S */
+            /**
+             * T End S
+             * @description the same, of its end
+             */
             t_end_s: number;
             /**
              * T Start S
              * @description lidar time, seconds from the recording's start
              */
             t_start_s: number;
-            /** Time Offset Shift S */
+            /**
+             * Time Offset Shift S
+             * @description of the time offset
+             */
             time_offset_shift_s: number;
-            /** Time Offset Std S */
+            /**
+             * Time Offset Std S
+             * @description of the time offset
+             */
             time_offset_std_s: number;
-            /** Translation Shift M */
+            /**
+             * Translation Shift M
+             * @description along the IMU's axes
+             */
             translation_shift_m: number[];
-            /** Translation Std M */
+            /**
+             * Translation Std M
+             * @description along the IMU's axes
+             */
             translation_std_m: number[];
         };
         /**
@@ -3592,7 +3841,8 @@ export interface components {
          * TopicReport
          * @description One topic. role: what it could serve as here; "packets" for raw packets, decoded or not.
          *
-         *     rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by their number.
+         *     rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by
+         *     their number, or where they could be calibrated by when they were received.
          */
         TopicReport: {
             /** Messages */
@@ -3611,28 +3861,58 @@ export interface components {
         };
         /** Transform */
         Transform: {
-            /** Euler Xyz Deg */
+            /**
+             * Euler Xyz Deg
+             * @description roll, pitch, yaw: R = Rz(yaw) Ry(pitch) Rx(roll)
+             */
             euler_xyz_deg: number[];
-            /** Matrix */
+            /**
+             * Matrix
+             * @description 4 rows of 4: homogeneous lidar coordinates to IMU coordinates
+             */
             matrix: number[][];
-            /** Quaternion Xyzw */
+            /**
+             * Quaternion Xyzw
+             * @description x, y, z, w of the rotation
+             */
             quaternion_xyzw: number[];
-            /** Translation M */
+            /**
+             * Translation M
+             * @description the lidar's origin seen from the IMU, along the IMU's axes
+             */
             translation_m: number[];
         };
         /** Uncertainty */
         Uncertainty: {
-            /** Covariance */
+            /**
+             * Covariance
+             * @description 7 x 7 in covariance_order; rad, m and s; marginal over everything else
+             */
             covariance: number[][];
-            /** Covariance Order */
+            /**
+             * Covariance Order
+             * @description r about the lidar's axes, t along the IMU's, dt in time
+             */
             covariance_order?: string[];
-            /** Gravity Std M S2 */
+            /**
+             * Gravity Std M S2
+             * @description of gravity_m_s2
+             */
             gravity_std_m_s2: number;
-            /** Rotation Std Deg */
+            /**
+             * Rotation Std Deg
+             * @description about the lidar's x, y and z axes, not of roll, pitch and yaw
+             */
             rotation_std_deg: number[];
-            /** Time Offset Std S */
+            /**
+             * Time Offset Std S
+             * @description of time_offset_s
+             */
             time_offset_std_s: number;
-            /** Translation Std M */
+            /**
+             * Translation Std M
+             * @description along the IMU's x, y and z axes
+             */
             translation_std_m: number[];
         };
         /**
@@ -3912,13 +4192,25 @@ export interface components {
         };
         /** WeakDirection */
         WeakDirection: {
-            /** Label */
+            /**
+             * Label
+             * @description the axis that it is all but along; null of a mixture
+             */
             label: string | null;
-            /** Std Scaled */
+            /**
+             * Std Scaled
+             * @description standard deviation along it, in the same units
+             */
             std_scaled: number;
-            /** Text */
+            /**
+             * Text
+             * @description one sentence for a person
+             */
             text: string;
-            /** Vector */
+            /**
+             * Vector
+             * @description 7 in covariance_order, each divided by 1 deg, 10 mm or 1 ms, of length 1
+             */
             vector: number[];
         };
         /**
@@ -4623,6 +4915,38 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["Runs"];
+                };
+            };
+            /** @description Refused; the body says why */
+            default: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErrorBody"];
+                };
+            };
+        };
+    };
+    download_scene: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                /** @description 32 hexadecimal digits */
+                recording_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": unknown;
                 };
             };
             /** @description Refused; the body says why */

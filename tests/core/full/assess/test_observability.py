@@ -311,6 +311,16 @@ def test_advice_names_the_axis_to_turn_about() -> None:
     assert ("time offset" in offset.text, offset.about) == (True, (6,))
 
 
+def test_advice_leaves_out_what_no_motion_tells() -> None:
+    """Mutations: turning for axes that the sensors alone leave weak; about other parameters; nothing said of them."""
+    turning, weak = np.array([0.5, 0.01, 0.7]), _assess(_all(GOOD, tz=np.inf, rx=3.0, dt=5.0))
+    lever, sensors = advice(weak, turning, np.eye(3), by_sensors=("rx", "dt"))
+    assert lever.about == (5,)
+    assert sensors.about == (0, 6)
+    assert sensors.text.startswith("The rotation and time offset are weak only by what the sensors may be off by")
+    assert [said.about for said in advice(weak, turning, np.eye(3))] == [(5,), (0, 1, 2), (6,)]
+
+
 def test_where_most_scans_do_not_count_no_turning_is_advised() -> None:
     """Seen: 7 scans of 249 counted, as a wall filled the view, and more turning was asked for of a rig that turned at 80 deg/s.
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from calib_core.full.initialise.initial_guess import start_from_guess, with_lever_arm
+from calib_core.errors import Refused
+from calib_core.full.initialise.initial_guess import HELD_REFUTED, start_from_guess, with_lever_arm
 from calib_core.full.initialise.linear import linear_steps
 from calib_core.full.initialise.rotation import best_turns, left_by, rotation_start
 from calib_core.full.initialise.start import LidarTrack, RotationStart
@@ -28,14 +29,22 @@ def _world(*, one_axis: bool = False) -> tuple[Truth, LidarTrack, FloatArray, Fl
     return truth, _tracked(truth, 10.0, 30.0, noise=0.01), stamps, gyro
 
 
-def _begun(guess: InitialGuess, *, one_axis: bool = False, held: bool = False):
-    """The start, whether its rotation is the guess's, what was said, and the truth."""
+def _begun(
+    guess: InitialGuess,
+    *,
+    one_axis: bool = False,
+    held: bool = False,
+    priors: tuple[Prior, ...] = (),
+    R_gyro: FloatArray = np.eye(3),  # noqa: B008
+):
+    """The start, whether its rotation is the guess's, what was said, and the truth.   R_gyro: of the gyroscope's axes."""
     truth, track, stamps, gyro = _world(one_axis=one_axis)
+    gyro = gyro @ R_gyro
     said: list[str] = []
     run = SimpleNamespace(
         clocks=SimpleNamespace(imu_s=stamps, offset_s=lambda ns: ns * 1e-9),
         recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=gyro)),
-        settings=CalibrateSettings(estimate_time_offset=not held),
+        settings=CalibrateSettings(estimate_time_offset=not held, priors=priors),
         say=lambda level, code, text: said.append(f"{level} {code} {text}"),
     )
     start, as_guessed = start_from_guess(run, track, rotation_start(track, stamps, gyro), guess)  # type: ignore[arg-type]
@@ -79,6 +88,56 @@ def test_a_rotation_that_the_turning_refutes(off_deg: tuple[float, ...], refuted
         assert "the other way round" not in text
 
 
+HELD = tuple(Prior(axis=axis, value=0.0, std=1e-6) for axis in ("rx", "ry", "rz"))
+
+
+@pytest.mark.parametrize(
+    ("off_deg", "off_s", "one_axis", "refuted"),
+    [
+        ((0, 0, 0), 0.0, False, None),
+        ((0, 3, 4), 0.04, False, None),
+        ((20, 0, 20), 0.0, False, "turned by 28.3 deg$"),
+        ((180, 0, 0), None, False, "turned by 180 deg$"),
+        ((0, 0, 0), -0.7, False, r"turned by 0\.\d+ deg and off by -0.7 s$"),
+        ((0, 0, 0), 0.0, True, None),
+        ((90, 90, 0), 0.0, True, "rotation and time offset$"),
+    ],
+)
+def test_a_calibration_that_is_held_is_refused_where_the_turning_refutes_it(
+    off_deg: tuple[float, ...], off_s: float | None, one_axis: bool, refuted: str | None
+) -> None:
+    """Another rig's calibration took a motion out that never was. Where a guess is no more than a start, nothing is refused.
+
+    Mutations: begun with the own rotation and said (a guess); asked at the own time offset; an open turn told; priors not asked.
+    """
+    scenario = replace(SCENARIO, motion=ONE_AXIS) if one_axis else SCENARIO
+    turn = Rotation.from_rotvec(off_deg, degrees=True)
+    R = _truth(scenario).R_imu_lidar @ turn.as_matrix()
+    guess = InitialGuess(R, None, None if off_s is None else round((OFFSET_S + off_s) * 1e9))
+    if refuted is None:
+        _, as_guessed, said, _ = _begun(guess, one_axis=one_axis, priors=HELD)
+        assert (as_guessed, said) == (True, [])
+        return
+    with pytest.raises(Refused, match=refuted) as refusal:
+        _begun(guess, one_axis=one_axis, priors=HELD)
+    assert refusal.value.code == HELD_REFUTED
+    loose = (*HELD[:2], Prior(axis="rz", value=0.0, std=0.3))
+    for priors in ((), HELD[:2], loose):
+        assert len(_begun(guess, one_axis=one_axis, priors=priors)[2]) == (not one_axis)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_right_calibration_is_never_refused_for_its_gyroscope_s_axes(seed: int) -> None:
+    """They may be some degrees off those of the accelerometer, which the calibration is of: three sigmas of the widest prior,
+    any way. Mutation: anything beyond twice the own rotation's refuted (without a share of all turning).
+    """
+    away = np.random.default_rng(seed).normal(size=3)
+    R_gyro = Rotation.from_rotvec(0.03 * away / np.linalg.norm(away)).as_matrix()
+    guess = InitialGuess(_truth(SCENARIO).R_imu_lidar, None, round(OFFSET_S * 1e9))
+    _, as_guessed, said, _ = _begun(guess, priors=HELD, R_gyro=R_gyro)
+    assert (as_guessed, said) == (True, [])
+
+
 def test_a_rotation_written_the_other_way_round_is_called_that() -> None:
     """Mutation: the inverse not asked."""
     truth = _truth(replace(SCENARIO, mounting=(0.1, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5)))
@@ -88,6 +147,7 @@ def test_a_rotation_written_the_other_way_round_is_called_that() -> None:
     run = SimpleNamespace(
         clocks=SimpleNamespace(imu_s=stamps),
         recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=gyro)),
+        settings=CalibrateSettings(),
         say=lambda level, code, text: said.append(text),
     )
     guess = InitialGuess(truth.R_imu_lidar.T, None, None)

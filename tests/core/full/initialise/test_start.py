@@ -385,22 +385,35 @@ def test_where_only_noise_turns_the_rotation_comes_from_the_accelerations() -> N
     assert abs(clocks.offset_ns(start.rotation.time_offset_s) - truth.time_offset_ns) < 2e7
 
 
-@pytest.mark.parametrize(("followed", "code"), [(8, "planes.lost"), (70, "start.no_overlap")])
+@pytest.mark.parametrize(
+    ("followed", "end", "code", "said"),
+    [
+        (8, 80, "planes.lost", "could be followed over 8 of 80 scans"),
+        (70, 80, "start.no_overlap", "share no stretch .* of different times; see"),
+        (
+            12,
+            12,
+            "start.no_overlap",
+            "^1.1 s of scans, from 14.0 s of the recording on, are too few .* take more of it",
+        ),
+    ],
+)
 def test_a_lidar_that_was_soon_lost_is_refused_as_that(
-    monkeypatch: pytest.MonkeyPatch, followed: int, code: str
+    monkeypatch: pytest.MonkeyPatch, followed: int, end: int, code: str, said: str
 ) -> None:
-    """No start at all is found. Seen: 8 scans of 299 in a corridor, and stamps of another time were told for the reason.
+    """No start at all is found. Seen: 8 scans of 299 in a corridor, and stamps of another time were told for the reason; so they
+    were of what somebody had cut to its last second.
 
-    Mutations: one reason for both; stamps in any case.
+    Mutations: one reason for all; stamps in any case.
     """
     recording, truth = generate(SCENARIOS["no-rotation"], seed=11, duration_s=8.0)
+    skipped_s = 0.0 if end == len(recording.scans) else 14.0
+    recording = replace(recording, scans=recording.scans[:end], skipped_s=skipped_s)
     run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
     motions = true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s)[:followed]
     begin = "calib_core.full.initialise.initialise."
     monkeypatch.setattr(begin + "rotation_start", lambda *_: [])
     monkeypatch.setattr(begin + "acceleration_start", lambda *_: [])
-    with pytest.raises(
-        Refused, match="could be followed over 8 of 80 scans" if followed == 8 else "share no stretch"
-    ) as refused:
+    with pytest.raises(Refused, match=said) as refused:
         initialise(run, motions, truth.planes, None)
     assert refused.value.code == code
