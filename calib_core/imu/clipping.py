@@ -17,6 +17,15 @@ CLIPPED_SHARE = 5e-4
 _FEWEST = 3
 #: Share of an extreme within which readings are alike.
 _ALIKE = 1e-4
+#: The same number after a change of unit, and of how many steps another is a multiple of one.
+_SAME, _OFF_GRID = 1e-6, 0.1
+#: Steps are finer than this share of a range: seven bits.
+_COARSEST = 0.01
+#: A reading beside a flat end is no noise of the end's beyond so many deviations; a run that noise makes once in a thousand
+#: recordings is none.
+_BEYOND, _CHANCE = 5.0, 1e-3
+#: The median of a normal law's size, in deviations.
+_MEDIAN_OF_NORMAL = 0.6745
 
 
 def clipped(imu: ImuData) -> tuple[float, float]:
@@ -43,15 +52,18 @@ def worse_sensor(shares: tuple[float, float]) -> str:
 def clipped_share(channels: FloatArray, least_range: float = 0.0) -> float:
     """Share of readings that stay within 0.01 % of an axis's extreme for three readings or more in a row.
 
-    A smooth peak leaves its summit at once; a clipped one is flat.   channels: (Q, 3).   least_range: in the same unit;
-    no sensor clips below it: readings that are alike there are coarse, or repeated by the driver.
+    A smooth peak leaves its summit as it came, a clipped one's edges are steep.   channels: (Q, 3).   least_range: in the same
+    unit; no sensor clips below it: readings that are alike there are coarse, or repeated by the driver.
     """
     shares = [0.0, *(float(np.diff(runs).sum()) / len(channels) for _, runs in clipped_runs(channels, least_range))]
     return max(shares)
 
 
 def clipped_runs(channels: FloatArray, least_range: float) -> Iterator[tuple[int, IntArray]]:
-    """Each axis with where it stays at an extreme, (R, 2): from the first reading to before the last. Arguments as above."""
+    """Each axis with where it stays at an extreme that cut it off, (R, 2): from the first reading to before the last.
+
+    Arguments as above.
+    """
     for axis in range(channels.shape[1]):
         values = channels[:, axis]
         for extreme in (values.max(), values.min()):
@@ -60,7 +72,46 @@ def clipped_runs(channels: FloatArray, least_range: float) -> Iterator[tuple[int
             at = np.abs(values - extreme) <= _ALIKE * abs(extreme)
             edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
             runs = edges.reshape(-1, 2)
-            yield axis, runs[np.diff(runs, axis=1)[:, 0] >= _FEWEST]
+            runs = runs[np.diff(runs, axis=1)[:, 0] >= _FEWEST]
+            yield axis, runs[_are_cut_off(values, runs)]
+
+
+def _are_cut_off(values: FloatArray, runs: IntArray) -> BoolArray:
+    """Which of an axis's runs (R, 2) at an extreme are cut off, and no peak that is alike for a while.
+
+    A smooth peak is a parabola. Of one whose top n readings are within a step q of one another, the next has fallen by no more
+    than q ((n + 1) / (n - 1))^2, and reads a step less for that. Under noise of deviation s a peak has n readings within q of one
+    another at any of the places near it with the chance (q / (s sqrt(2 pi)))^(n - 1).
+    """
+    if not len(runs):
+        return np.zeros(0, dtype=np.bool_)
+    extreme = values[runs[0, 0]]
+    step, std = _step_of(values), _std_of(values)
+    before, after = np.maximum(runs[:, 0] - 1, 0), np.minimum(runs[:, 1], len(values) - 1)
+    fallen = np.maximum(np.abs(values[before] - extreme), np.abs(values[after] - extreme))
+    count = np.diff(runs, axis=1)[:, 0]
+    is_steep = fallen > np.maximum(step * (((count + 1) / (count - 1)) ** 2 + 1.0), _BEYOND * std)
+    near = np.count_nonzero(np.abs(values - extreme) < _BEYOND * std)
+    by_noise = near * np.minimum(step / max(std * np.sqrt(2.0 * np.pi), 1e-30), 1.0) ** (count - 1)
+    return np.asarray(is_steep | (by_noise < _CHANCE))
+
+
+def _step_of(values: FloatArray) -> float:
+    """The step of readings that are multiples of one, or within what others are alike."""
+    alike = _ALIKE * float(np.abs(values).max())
+    apart = np.diff(np.unique(values))
+    apart = apart[apart > _SAME * alike / _ALIKE]
+    if not len(apart) or not alike < apart.min() < _COARSEST * alike / _ALIKE:
+        return alike
+    multiples = apart / apart.min()
+    return float(apart.min()) if np.abs(multiples - np.round(multiples)).max() < _OFF_GRID else alike
+
+
+def _std_of(values: FloatArray) -> float:
+    """The noise of readings [their unit], by what is left of them beside their neighbours' middle."""
+    if len(values) <= _FEWEST:
+        return 0.0
+    return float(np.median(np.abs(np.diff(values, n=2)))) / (_MEDIAN_OF_NORMAL * np.sqrt(6.0))
 
 
 def cut_off(channels: FloatArray, least_range: float) -> tuple[BoolArray, float]:
