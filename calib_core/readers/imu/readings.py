@@ -108,7 +108,7 @@ def clean_imu(raw: RawImu, settings: ReadSettings, topic: str, *, start_ns: int 
         kept = came.kept
     fresh, bundles = None, None
     if settings.imu_bundles == "spread":
-        fresh, bundles, taken_ns = as_sensed(readings[kept, :3], taken_ns)
+        fresh, bundles, taken_ns = as_sensed(readings[kept, :3], readings[kept, 3:], taken_ns)
         kept = kept if fresh is None else kept[fresh]
     statistics = stamp_statistics(stamps_ns, raw.receive_ns[good], taken_ns=taken_ns)
     findings = list(_stamp_findings(statistics, topic, n_repeated=n_sent_twice, came=came))

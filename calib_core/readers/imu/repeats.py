@@ -24,29 +24,35 @@ _MOST_SHARE = 0.96
 _SPARED = 0.05
 
 
-def first_of_each(gyro: FloatArray) -> BoolArray | None:
+def first_of_each(gyro: FloatArray, accel: FloatArray) -> BoolArray | None:
     """(Q,) which readings are no repeats of the one before; None where the driver does not repeat.
 
-    gyro: (Q, 3) in order of their stamps, any unit.
+    gyro, accel: (Q, 3) in order of their stamps, any unit. Only the gyroscope's are asked, as one that is slower than the
+    accelerometer is repeated alone; but where it reads nought on all axes, which some do of all slow turns, new accelerations
+    are a new reading.
     """
     if len(gyro) < 2 * _STRETCH:
         return None
-    fresh = np.concatenate([[True], (gyro[1:] != gyro[:-1]).any(axis=1)])
+    turned = (gyro[1:] != gyro[:-1]).any(axis=1)
+    pushed = (accel[1:] != accel[:-1]).any(axis=1) & ~gyro[1:].any(axis=1)
+    fresh = np.concatenate([[True], turned | pushed])
     shares = sliding_window_view(~fresh, _STRETCH)[:: _STRETCH // 2].mean(axis=1)
     fewest, usual = np.quantile(shares, [_SPARED, 0.5])
     return fresh if fewest >= _LEAST_SHARE and usual <= _MOST_SHARE else None
 
 
-def as_sensed(gyro: FloatArray, stamps_ns: IntArray) -> tuple[BoolArray | None, Bundles | None, IntArray]:
+def as_sensed(
+    gyro: FloatArray, accel: FloatArray, stamps_ns: IntArray
+) -> tuple[BoolArray | None, Bundles | None, IntArray]:
     """Which readings are no repeats, None for all; the bundles in which they came, None where in none; when those were taken.
 
     A driver that repeats may hand over what it repeats in bundles: each has its place among all that were sent, where nobody sees
     it any more once the repeats are gone. Where it only sends each reading twice at once, all that were sent seem bundles of two,
     and those that are kept are even as they are. So of both ways the one that gives the more even row is taken.
 
-    gyro: (Q, 3), stamps_ns: (Q,) strictly increasing.
+    gyro, accel: (Q, 3), stamps_ns: (Q,) strictly increasing.
     """
-    fresh, sent = first_of_each(gyro), spread(stamps_ns)
+    fresh, sent = first_of_each(gyro, accel), spread(stamps_ns)
     if fresh is None:
         return None, sent, stamps_ns if sent is None else sent.stamps_ns
     alone = spread(stamps_ns[fresh])

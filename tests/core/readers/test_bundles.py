@@ -189,7 +189,7 @@ def test_what_a_driver_repeats_and_hands_over_in_bundles_is_put_where_it_was_tak
     Mutations: repeats always taken out first; of both ways the less even one; the row that was sent handed on.
     """
     gyro, stamps_ns, taken_ns = _sent(4000, repeats, buffer_ms)
-    fresh, bundles, placed_ns = as_sensed(gyro, stamps_ns)
+    fresh, bundles, placed_ns = as_sensed(gyro, np.zeros_like(gyro), stamps_ns)
     assert bundles is not None
     first = np.arange(4000) % repeats == 0
     assert (fresh is None) == (repeats == 1)
@@ -205,7 +205,7 @@ def test_what_is_only_sent_more_than_once_keeps_its_stamps(apart_ms: float) -> N
     before its stamp. Mutation: bundles always told by all that were sent.
     """
     gyro, stamps_ns, taken_ns = _sent(4000, 2, 0.0, apart_ms)
-    fresh, bundles, placed_ns = as_sensed(gyro, stamps_ns)
+    fresh, bundles, placed_ns = as_sensed(gyro, np.zeros_like(gyro), stamps_ns)
     assert fresh is not None
     assert bundles is None
     np.testing.assert_array_equal(placed_ns, taken_ns[::2])
@@ -217,7 +217,7 @@ def test_bundles_of_repeats_are_seen_beside_a_gap_and_losses(repeats: int, buffe
     gyro, stamps_ns, taken_ns = _sent(4000, repeats, buffer_ms)
     there = np.random.default_rng(1).random(4000) > 0.01
     there[1500:2100] = False
-    fresh, bundles, placed_ns = as_sensed(gyro[there], stamps_ns[there])
+    fresh, bundles, placed_ns = as_sensed(gyro[there], np.zeros_like(gyro[there]), stamps_ns[there])
     assert bundles is not None
     assert fresh is not None
     late_ms = 1e-6 * (placed_ns - taken_ns[there][fresh])

@@ -56,6 +56,15 @@ def test_the_first_of_each_reading_counts(every: float, accel_too: bool) -> None
     assert "imu.gaps" not in said
 
 
+def test_a_gyroscope_that_reads_nought_of_slow_turns_has_new_readings_there() -> None:
+    """Seen: a Mid-360's, sent again now and then, of which "108 are missing". Mutation: the gyroscope alone is asked."""
+    given, first_ns = _sent(1.25, accel_too=True)
+    given.gyro[np.abs(given.gyro).max(axis=1) < 0.7] = 0.0
+    assert np.mean(~given.gyro.any(axis=1)) > 0.1
+    cleaned = clean_imu(given, ReadSettings(), "/imu")
+    np.testing.assert_array_equal(cleaned.imu.stamps_ns, first_ns)
+
+
 def test_repeats_are_left_where_asked() -> None:
     """Mutation: the setting is not looked at."""
     given, _ = _sent(2.0, accel_too=True)
@@ -87,7 +96,7 @@ def test_what_a_sensor_reads_twice_by_itself_is_kept(case: str) -> None:
             gyro = gyro[::2].repeat(2, axis=0)
         case _:
             gyro, accel = _moved(COUNT)
-    assert first_of_each(gyro) is None
+    assert first_of_each(gyro, accel) is None
     stamps_ns = build.EPOCH_NS + PERIOD_NS * np.arange(len(gyro), dtype=np.int64)
     cleaned = clean_imu(_raw(stamps_ns, gyro, accel), ReadSettings(), "/imu")
     assert len(cleaned.imu.stamps_ns) == len(gyro)
@@ -98,7 +107,7 @@ def test_lost_messages_do_not_hide_a_driver_that_repeats() -> None:
     given, _ = _sent(2.0, accel_too=True)
     kept = np.random.default_rng(1).random(COUNT) > 0.03
     kept[700:900] = False
-    fresh = first_of_each(given.gyro[kept])
+    fresh = first_of_each(given.gyro[kept], given.accel[kept])
     assert fresh is not None
     numbers = np.flatnonzero(kept) // 2
     np.testing.assert_array_equal(fresh, np.diff(numbers, prepend=-1) > 0)
