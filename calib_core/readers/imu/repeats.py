@@ -27,18 +27,20 @@ _SPARED = 0.05
 def first_of_each(gyro: FloatArray, accel: FloatArray) -> BoolArray | None:
     """(Q,) which readings are no repeats of the one before; None where the driver does not repeat.
 
-    gyro, accel: (Q, 3) in order of their stamps, any unit. Only the gyroscope's are asked, as one that is slower than the
-    accelerometer is repeated alone; but where it reads nought on all axes, which some do of all slow turns, new accelerations
-    are a new reading.
+    gyro, accel: (Q, 3) in order of their stamps, any unit. Where whole readings repeat, these alone are repeats: a gyroscope that
+    reads in coarse steps, and nought of slow turns, is alike for longer. Where they do not, the gyroscope is asked: one that is
+    slower than the accelerometer is repeated alone.
     """
     if len(gyro) < 2 * _STRETCH:
         return None
-    turned = (gyro[1:] != gyro[:-1]).any(axis=1)
-    pushed = (accel[1:] != accel[:-1]).any(axis=1) & ~gyro[1:].any(axis=1)
-    fresh = np.concatenate([[True], turned | pushed])
-    shares = sliding_window_view(~fresh, _STRETCH)[:: _STRETCH // 2].mean(axis=1)
-    fewest, usual = np.quantile(shares, [_SPARED, 0.5])
-    return fresh if fewest >= _LEAST_SHARE and usual <= _MOST_SHARE else None
+    turned, pushed = ((values[1:] != values[:-1]).any(axis=1) for values in (gyro, accel))
+    for new in (turned | pushed, turned):
+        fresh = np.concatenate([[True], new])
+        shares = sliding_window_view(~fresh, _STRETCH)[:: _STRETCH // 2].mean(axis=1)
+        fewest, usual = np.quantile(shares, [_SPARED, 0.5])
+        if fewest >= _LEAST_SHARE and usual <= _MOST_SHARE:
+            return fresh
+    return None
 
 
 def as_sensed(
