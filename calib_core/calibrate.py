@@ -19,7 +19,7 @@ from calib_core.document import document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.calibrate import calibrate_full
-from calib_core.full.one_clock import RATE, Stretch, on_one_clock
+from calib_core.full.clock_skew import RATE, ClockSkew, without_skew
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare, require_length
@@ -143,16 +143,16 @@ def _answer_of_method(recording: Recording, question: Question) -> Answer:
         run = replace(run, log=log, clock_rate_std_ppm=clock_rate_std_ppm)
         return calibrate_full(run, question.planes, question.guess, question.cache_dir)
 
-    def begin_again(stretch: Stretch) -> None:
+    def begin_again(skew: ClockSkew) -> None:
         log.restore(before)
-        log(stretch.told(recording))
+        log(skew.told(recording))
 
-    answer, stretch = on_one_clock(recording, solve, begin_again)
-    if stretch is None:
+    answer, skew = without_skew(recording, solve, begin_again)
+    if skew is None:
         return answer
-    answer = stretch.undone(answer, recording)
+    answer = skew.undone(answer, recording)
     log.retract([RATE])  # the points know it better than the turns did
-    log(stretch.found(answer).told(recording))
+    log(skew.found(answer).told(recording))
     return answer
 
 

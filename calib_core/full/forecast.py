@@ -24,6 +24,7 @@ from calib_core.factors.lidar_plane import Gate
 from calib_core.full.assess.observability import Knowledge, assess
 from calib_core.full.assess.verdict import require_rotation
 from calib_core.full.assess.weak_sentences import Advice, advice
+from calib_core.full.clock_skew import without_skew
 from calib_core.full.foresight import Foresight, foresight
 from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
@@ -45,7 +46,6 @@ from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.odometry.travelled import stood_text, travelled
-from calib_core.full.one_clock import on_one_clock
 from calib_core.full.planes.propose import no_planes, scan_points
 from calib_core.full.planes.standing import Fault, fault_of
 from calib_core.full.prepare.prepare import prepare, require_length
@@ -153,7 +153,7 @@ def forecast(
                 each = np.asarray(points_per_scan)
                 return _look(stamped, each, share, settings, proposals, tell, should_cancel)
 
-            return on_one_clock(recording, look)[0]
+            return without_skew(recording, look)[0]
         except Refused as error:
             return Outlook(proposals, code=error.code, reason=str(error))
 

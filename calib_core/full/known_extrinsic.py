@@ -2,7 +2,7 @@
 
 Where planes are seen, the joint solve runs once more with the calibration held by priors far tighter than any
 recording could contradict; its trajectory carries turning and moving. Where none are seen (another recording, a
-stretch that the solve bridged) the gyroscope's turning is used alone, with the IMU taken as standing: over one sweep
+skew that the solve bridged) the gyroscope's turning is used alone, with the IMU taken as standing: over one sweep
 turning is what smears a cloud most. What the calibration found of single lasers can be taken out of the points before.
 """
 
@@ -19,8 +19,8 @@ from calib_core.errors import InputError, Refused, SettingsError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
 from calib_core.full.assess.own_errors import lasers_of
 from calib_core.full.calibrate import calibrate_full
+from calib_core.full.clock_skew import without_skew
 from calib_core.full.initialise.initial_guess import HELD_REFUTED
-from calib_core.full.one_clock import on_one_clock
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.imu.turned import turned_since
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM
@@ -137,7 +137,7 @@ def _solved_motion(
     try:
         require_length(recording, "the motion")
         with one_blas_thread():
-            return on_one_clock(recording, solve)[0].trajectory
+            return without_skew(recording, solve)[0].trajectory
     except Refused as refused:
         if refused.code == HELD_REFUTED:
             raise

@@ -149,7 +149,8 @@ class Run:
     restored: which readings were restored, None for none.
     threads: how many a stage may use.   portion: the part of the running stage that progress from 0 to 1 stands for now.
     beyond_sheets: sensors that have shown not to be what their data sheets say, whose priors are wider (`joint/sheets.py`).
-    clock_rate_std_ppm: by how much the clocks' rates may differ; what is left of it where stamps were stretched (`one_clock.py`).
+    clock_rate_std_ppm: by how much the clocks' rates may differ, or what is left of it where stamps were stretched
+    (`clock_skew.py`).
     log: the result's messages, from which what an attempt has said can be taken back; None where there is no result, as in a
     forecast.
     """

@@ -105,7 +105,7 @@ STAGES = (
     "assess",
     "attempts",
     "calibrate",
-    "one_clock",
+    "clock_skew",
     "foresight",
     "forecast",
     "known_extrinsic",

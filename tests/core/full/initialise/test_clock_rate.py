@@ -2,12 +2,24 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
-from calib_core.full.initialise.clock_rate import OffsetLine, is_line, line_of_a_part, offset_line
+from calib_core.full.initialise.clock_rate import (
+    ClocksApart,
+    OffsetLine,
+    is_line,
+    line_of_a_part,
+    offset_line,
+    require_one_rate,
+)
+from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns
 from calib_core.geometry import exp, log
+from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray
 
 R_C = exp(np.array([0.4, -1.1, 0.7]))
@@ -31,18 +43,18 @@ def _turns(duration_s: float, noise_rad_s: float = NOISE_RAD_S, until_s: float =
     return LidarTurns(start_s, start_s + SWEEP_S, rate)
 
 
-def _gyro(lidar_s: FloatArray, imu_s: FloatArray) -> GyroTurns:
-    """The gyroscope's readings at these instants of the lidar's clock, stamped so."""
+def _rates(lidar_s: FloatArray) -> FloatArray:
+    """(N, 3) what the gyroscope reads at these instants of the lidar's clock."""
     h = 1e-5
     turned = log(np.swapaxes(exp(_swung(lidar_s - h)), 1, 2) @ exp(_swung(lidar_s + h))) / (2.0 * h)
-    return GyroTurns(imu_s, turned @ R_C.T)
+    return np.asarray(turned @ R_C.T)
 
 
 def _apart(duration_s: float, rate: float, step_s: float = 0.0) -> tuple[FloatArray, GyroTurns]:
     """Stamps that the contract's line takes to the lidar's clock, and set by step_s in the middle."""
     lidar_s, middle_s = np.arange(-2.0, duration_s + 2.0, 0.005), 0.5 * duration_s
     imu_s = lidar_s - OFFSET_S - rate * (lidar_s - middle_s) + step_s * (lidar_s > 0.4 * duration_s)
-    return imu_s, _gyro(lidar_s, imu_s)
+    return imu_s, GyroTurns(imu_s, _rates(lidar_s))
 
 
 def _near(turns: LidarTurns, rate: float = 0.0) -> OffsetLine:
@@ -107,3 +119,33 @@ def test_turns_that_are_not_the_gyroscopes_have_no_line() -> None:
     """They are off by a quarter of the motion. Mutation: the best part of them, however little it goes with the gyroscope."""
     imu_s, gyro = _apart(30.0, 1e-2)
     assert line_of_a_part(_turns(30.0, 0.17), gyro, imu_s) is None
+
+
+@pytest.mark.parametrize(
+    ("rate", "step_s", "noise_rad_s", "is_apart"),
+    [(1e-3, 0.0, NOISE_RAD_S, True), (-1e-3, 0.0, NOISE_RAD_S, True), (1.5e-4, 0.0, 1e-3, False),
+     (1e-3, 0.0, 0.1, False), (0.0, 0.04, NOISE_RAD_S, False)],
+)  # fmt: skip
+def test_clocks_part_beyond_crystals_and_chance_along_a_line(
+    rate: float, step_s: float, noise_rad_s: float, is_apart: bool
+) -> None:
+    """Otherwise the joint estimation finds a rate, and where a clock was set is told elsewhere. The stamp about which they part
+    is the middle's. Oracle: the stamps' own line. Mutations: less than crystals do; chance; a step; about the lidar's stamp.
+    """
+    turns, (imu_s, _) = _turns(30.0, noise_rad_s), _apart(30.0, rate, step_s)
+    # Turns within the sweeps alone: from scan to scan it stands still.
+    still = np.zeros_like(turns.rate_rad_s)
+    R, unseen = np.tile(np.eye(3), (len(still), 1, 1)), np.zeros((len(still), 3, 3))
+    track = LidarTrack(turns.start_s, turns.end_s - turns.start_s, R, still, turns.rate_rad_s, still, unseen)
+    run: Any = SimpleNamespace(
+        settings=CalibrateSettings(),
+        clocks=SimpleNamespace(imu_s=imu_s, imu_epoch_ns=7, middle_s=15.0),
+        recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=_rates(np.arange(-2.0, 32.0, 0.005)))),
+    )
+    if not is_apart:
+        require_one_rate(run, track)
+        return
+    with pytest.raises(ClocksApart) as apart:
+        require_one_rate(run, track)
+    assert abs(apart.value.rate - rate) < 2.0 * apart.value.rate_std
+    assert abs(apart.value.about_ns - 7 - 1e9 * (15.0 - OFFSET_S)) < 1e6

@@ -10,9 +10,9 @@ import pytest
 from calib_core.calibrate import calibrate
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
+from calib_core.full.clock_skew import ClockSkew, without_skew
 from calib_core.full.initialise.begin import begin
 from calib_core.full.initialise.clock_rate import ClocksApart
-from calib_core.full.one_clock import Stretch, on_one_clock
 from calib_core.full.prepare.prepare import prepare
 from calib_core.full.run import Run
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM
@@ -38,7 +38,7 @@ def test_a_rate_of_thousandths_is_taken_out_and_the_answer_is_that_of_the_stamps
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, rate: float, away_s: float
 ) -> None:
     """away_s: from the middle to where stamps are stretched about, which the answer does not depend on. Oracle: the truth, and
-    the contract's line. Mutations: the stretch not undone in the offset, in the rate; its sign; the turns' rate told.
+    the contract's line. Mutations: the skew not undone in the offset, in the rate; its sign; the turns' rate told.
 
     Chi-square with 7 degrees of freedom: 24.3 is passed once in a thousand.
     """
@@ -81,7 +81,7 @@ def test_stamps_that_run_alike_are_left_as_they_are(noisy: tuple[Recording, Trut
         seen.append(stamped.imu.stamps_ns)
         assert rate_std_ppm == CLOCK_RATE_STD_PPM
 
-    assert on_one_clock(noisy[0], solve) == (None, None)
+    assert without_skew(noisy[0], solve) == (None, None)
     np.testing.assert_array_equal(seen, [noisy[0].imu.stamps_ns])
 
 
@@ -89,7 +89,7 @@ def test_a_stretch_takes_a_line_of_stamps_to_one_clock(noisy: tuple[Recording, T
     """Oracle: the stamps before they were put apart, to the rounding of nanoseconds. Mutation: 1 + k for 1 / (1 - k)."""
     recording, middle_ns = _apart(*noisy, 0.01)
     about_ns = middle_ns - noisy[1].time_offset_ns
-    back = Stretch(0.01, 0.0, about_ns).applied(recording)
+    back = ClockSkew(0.01, 0.0, about_ns).applied(recording)
     assert (
         np.abs(back.imu.stamps_ns - noisy[0].imu.stamps_ns).max() <= 101
     )  # half a nanosecond, stretched, and half a nanosecond
@@ -105,7 +105,7 @@ def test_stretches_go_together_and_what_stays_apart_is_refused_with_a_way_around
     run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
     rates = iter([2e-3, -5e-4, 0.0])
     asked: list[Recording] = []
-    told: list[Stretch] = []
+    told: list[ClockSkew] = []
     left: list[float] = []
 
     def solve(stamped: Recording, rate_std_ppm: float) -> str:
@@ -116,12 +116,12 @@ def test_stretches_go_together_and_what_stays_apart_is_refused_with_a_way_around
             raise ClocksApart(run, rate, 3e-5, 0.0)
         return "solved"
 
-    answer, stretch = on_one_clock(recording, solve, told.append)
+    answer, skew = without_skew(recording, solve, told.append)
     assert answer == "solved"
-    assert stretch is not None
-    assert stretch == told[-1]
+    assert skew is not None
+    assert skew == told[-1]
     assert left == [40.0, 50.0, 50.0]
-    first, then = Stretch(2e-3, 0.0, stretch.about_ns), Stretch(-5e-4, 0.0, stretch.about_ns)
+    first, then = ClockSkew(2e-3, 0.0, skew.about_ns), ClockSkew(-5e-4, 0.0, skew.about_ns)
     one_by_one = then.applied(first.applied(recording))
     assert np.abs(asked[-1].imu.stamps_ns - one_by_one.imu.stamps_ns).max() <= 2
 
@@ -129,4 +129,4 @@ def test_stretches_go_together_and_what_stays_apart_is_refused_with_a_way_around
         raise ClocksApart(run, 1e-3, 0.0, 0.0)
 
     with pytest.raises(Refused, match="--imu-sampling as-stamped"):
-        on_one_clock(recording, never)
+        without_skew(recording, never)

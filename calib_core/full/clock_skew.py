@@ -1,7 +1,7 @@
 """A recording whose two clocks run at different rates is solved with the IMU's stamps stretched to the lidar's rate, and answered
 for its stamps as they are.
 
-    calibrate.py, forecast.py, known_extrinsic.py -> on_one_clock -> prepare, calibrate_full: ClocksApart
+    calibrate.py, forecast.py, known_extrinsic.py -> without_skew -> prepare, calibrate_full: ClocksApart
                                                   -> again, with stretched stamps
 
 With t_lidar = s + o + k (t_lidar - t_m) a stamp s runs by 1 - k to the lidar's second: s' = a + (s - a) / (1 - k) runs alike,
@@ -32,7 +32,7 @@ _Solved = TypeVar("_Solved")
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class ClockSkew:
     """rate: k, that of the offset beside the lidar's time.   rate_std: how well it is known.   about_ns: a, the IMU's clock."""
 
     rate: float
@@ -44,11 +44,11 @@ class Stretch:
         """What the rates may still differ by."""
         return math.hypot(CLOCK_RATE_STD_PPM, 1e6 * self.rate_std)
 
-    def after(self, first: Stretch | None) -> Stretch:
+    def after(self, first: ClockSkew | None) -> ClockSkew:
         """One that does what another did first, and this then."""
         if first is None:
             return self
-        return Stretch(_together(first.rate, self.rate), self.rate_std, first.about_ns)
+        return ClockSkew(_together(first.rate, self.rate), self.rate_std, first.about_ns)
 
     def applied(self, recording: Recording) -> Recording:
         """The recording with the IMU's stamps stretched."""
@@ -68,10 +68,10 @@ class Stretch:
         )
         return LogEvent(level="warning", code=RATE, text=text)
 
-    def found(self, answer: Answer) -> Stretch:
+    def found(self, answer: Answer) -> ClockSkew:
         """The same with the rate of an answer for the recording's own stamps."""
         rate_ppm, std_ppm = answer.clock_rate_ppm or (1e6 * self.rate, 1e6 * self.rate_std)
-        return Stretch(1e-6 * rate_ppm, 1e-6 * std_ppm, self.about_ns)
+        return ClockSkew(1e-6 * rate_ppm, 1e-6 * std_ppm, self.about_ns)
 
     def undone(self, answer: Answer, recording: Recording) -> Answer:
         """The answer that was found with stretched stamps, for the recording's own."""
@@ -88,26 +88,26 @@ class Stretch:
         )
 
 
-def on_one_clock(
+def without_skew(
     recording: Recording,
     solve: Callable[[Recording, float], _Solved],
-    begin_again: Callable[[Stretch], None] | None = None,
-) -> tuple[_Solved, Stretch | None]:
+    begin_again: Callable[[ClockSkew], None] | None = None,
+) -> tuple[_Solved, ClockSkew | None]:
     """What `solve` makes of the recording, or of it with the IMU's stamps stretched, and by what.
 
     solve: takes a recording, and by how much its clocks' rates may differ [ppm].   begin_again: told before each further attempt.
     Raises what solve does, Refused where stretched stamps still run apart.
     """
-    stretch: Stretch | None = None
+    skew: ClockSkew | None = None
     for _ in range(1 + CLOCK_RATES.stretched):
         try:
-            if stretch is None:
+            if skew is None:
                 return solve(recording, CLOCK_RATE_STD_PPM), None
-            return solve(stretch.applied(recording), stretch.left_std_ppm), stretch
+            return solve(skew.applied(recording), skew.left_std_ppm), skew
         except ClocksApart as apart:
-            stretch = Stretch(apart.rate, apart.rate_std, apart.about_ns).after(stretch)
+            skew = ClockSkew(apart.rate, apart.rate_std, apart.about_ns).after(skew)
             if begin_again is not None:
-                begin_again(stretch)
+                begin_again(skew)
     raise Refused(
         RATE,
         "the IMU's stamps run at no rate beside the lidar's that stays: let its driver stamp readings as they come, or take them "
