@@ -74,7 +74,7 @@ def test_stamps_that_are_to_be_taken_as_they_are_are_not_stretched(noisy: tuple[
 
 
 def test_stamps_that_run_alike_are_left_as_they_are(noisy: tuple[Recording, Truth]) -> None:
-    """What crystals do is the joint estimation's. Mutation: any rate is taken out."""
+    """What crystals do is the joint estimation's. Mutations: stretched by nought first; more room than crystals need."""
     seen: list[FloatArray] = []
 
     def solve(stamped: Recording, rate_std_ppm: float) -> None:
