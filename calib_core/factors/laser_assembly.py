@@ -8,40 +8,48 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from calib_core.factors.laser_kernels import COLUMNS, OF_COLUMN, SIGN
-from calib_core.types import BoolArray, FloatArray, IntArray
+from calib_core.factors.laser_kernels import (
+    COLUMNS,
+    OF_COLUMN,
+    SIGN,
+    Clusters,
+    add_moved,
+    rows_before,
+    vector_before,
+)
+from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 #: Columns of a bin's Jacobian but for the clocks' rate (factors/planes_seen.py).
 COLUMNS_SEEN = 19
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def features_crossed_kernel(
-    bins: IntArray, laser: IntArray, a: FloatArray, cross: FloatArray, change: FloatArray, crossed: FloatArray
-) -> None:
+def features_crossed_kernel(c: Clusters, a: FloatArray, change: FloatArray, crossed: FloatArray) -> None:
     """Fills crossed (B,) with sum w (f . change) (y . a) of each cluster. a: (Q, 5) of the bins.   change: (L, F)."""
-    for b in range(bins.shape[0]):
-        q, j = bins[b], laser[b]
+    seen, of_bin, of_pose = np.empty(5), -1, -1
+    for b in range(c.bins.shape[0]):
+        q, t, j = c.bins[b], c.pose[b], c.laser[b]
+        if q != of_bin or t != of_pose:
+            vector_before(c, t, a[q], seen)
+            of_bin, of_pose = q, t
         total = 0.0
-        for f in range(cross.shape[1]):
+        for f in range(c.cross.shape[1]):
             moved = change[j, f]
             if moved != 0.0:
                 value = 0.0
-                for c in range(5):
-                    value += cross[b, f, c] * a[q, c]
+                for i in range(5):
+                    value += c.cross[b, f, i] * seen[i]
                 total += moved * value
         crossed[b] = total
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_features_kernel(
-    bins: IntArray,
+    clusters: Clusters,
     knot: IntArray,
     plane: IntArray,
-    laser: IntArray,
     J: FloatArray,
     a: FloatArray,
-    cross: FloatArray,
     column_of: IntArray,
     change: FloatArray,
     planes_start: int,
@@ -53,12 +61,12 @@ def add_features_kernel(
 ) -> None:
     """Adds what the lidar's parameters share with everything to an arrow system, cluster by cluster.
 
-    bins, laser: (B,), clusters of one bin in a row.   knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the
-    bins.   cross: (B, F, 5).   column_of: (L, 14) shared columns, -1 for none.   change: (L, F) of the features' coefficients
-    since the clusters were made.   gradient: (K, 9).
+    knot, plane: (Q,) of the bins.   J: (Q, 4, 19 or 20), a: (Q, 5) of the bins.   column_of: (L, 14) shared columns, -1 for
+    none.   change: (L, F) of the features' coefficients since the clusters were made.   gradient: (K, 9).
 
-    What all clusters of a bin say of one column is the same four numbers times the bin's J. They are laid side by side first, a
-    row for each of the four: what is then multiplied runs along memory, through stretches of columns that any cluster touches.
+    What all clusters of a bin, of one pose, say of one column is the same four numbers times the bin's J. They are laid side by
+    side first, a row for each of the four: what is then multiplied runs along memory, through stretches of columns that any
+    cluster touches.
     """
     width, size = J.shape[2], corner.shape[0]
     start, end = _between_columns(column_of, size)
@@ -69,16 +77,20 @@ def add_features_kernel(
     common = np.zeros((COLUMNS_SEEN - 11, columns))
     by_plane = np.zeros((3 * (plane.max() + 1 if plane.shape[0] > 0 else 0), columns))
     force = np.zeros(columns)
+    bins, pose = clusters.bins, clusters.pose
+    by, seen = np.empty((4, width)), np.empty(5)
     b, last = 0, bins.shape[0]
     while b < last:
-        q = bins[b]
+        q, t = bins[b], pose[b]
         k, at_plane = knot[q], 3 * plane[q]
         u[:] = 0.0
-        while b < last and bins[b] == q:
-            _lay_beside(cross, b, column_of, change, laser[b], start, moments, touched, u)
+        while b < last and bins[b] == q and pose[b] == t:
+            _lay_beside(clusters.cross, b, column_of, change, clusters.laser[b], start, moments, touched, u)
             b += 1
+        rows_before(clusters, t, J[q], by)
+        vector_before(clusters, t, a[q], seen)
         for i in range(width):
-            pull = J[q, 0, i] * u[0] + J[q, 1, i] * u[1] + J[q, 2, i] * u[2] + J[q, 3, i] * u[3]
+            pull = by[0, i] * u[0] + by[1, i] * u[1] + by[2, i] * u[2] + by[3, i] * u[3]
             if i < 9:
                 gradient[k, i] += pull
             elif i < 16:
@@ -98,9 +110,9 @@ def add_features_kernel(
                     row = by_plane[at_plane + i - 16, begin:stop]
                 else:
                     row = common[i - 9 if i < 16 else 7, begin:stop]
-                _add_product(row, J[q, 0, i], J[q, 1, i], J[q, 2, i], J[q, 3, i], m0, m1, m2, m3)
-            _add_product(force[begin:stop], a[q, 0], a[q, 1], a[q, 2], a[q, 3], m0, m1, m2, m3)
-            _end_run(force[begin:stop], a[q, 4], m0, m1, m2, m3, m4, touched[begin:stop])
+                _add_product(row, by[0, i], by[1, i], by[2, i], by[3, i], m0, m1, m2, m3)
+            _add_product(force[begin:stop], seen[0], seen[1], seen[2], seen[3], m0, m1, m2, m3)
+            _end_run(force[begin:stop], seen[4], m0, m1, m2, m3, m4, touched[begin:stop])
     for c in range(columns):
         gradient_shared[start + c] += force[c]
     for at in range(common.shape[0] if width > COLUMNS_SEEN else 7):
@@ -110,51 +122,46 @@ def add_features_kernel(
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
-def features_times_kernel(
-    bins: IntArray, laser: IntArray, cross: FloatArray, response: FloatArray, crossed: FloatArray
-) -> None:
-    """Adds to crossed (Q, 4, m) what clusters (B,) pull their bins by where the lasers' features follow `response` (L, F, m)."""
-    count = crossed.shape[2]
+def features_times_kernel(c: Clusters, response: FloatArray, crossed: FloatArray) -> None:
+    """Adds to crossed (Q, 4, m) what clusters pull their bins by where the lasers' features follow `response` (L, F, m)."""
     pull = np.empty(4)
-    for b in range(bins.shape[0]):
-        q, j = bins[b], laser[b]
-        for c in range(count):
+    for b in range(c.bins.shape[0]):
+        q, j = c.bins[b], c.laser[b]
+        for s in range(response.shape[2]):
             pull[:] = 0.0
-            for f in range(cross.shape[1]):
-                moved = response[j, f, c]
+            for f in range(c.cross.shape[1]):
+                moved = response[j, f, s]
                 if moved != 0.0:
                     for i in range(4):
-                        pull[i] += moved * cross[b, f, i]
-            for i in range(4):
-                crossed[q, i, c] += pull[i]
+                        pull[i] += moved * c.cross[b, f, i]
+            add_moved(c, c.pose[b], pull, crossed[q, :, s])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def features_pull_kernel(
-    bins: IntArray,
-    laser: IntArray,
-    a: FloatArray,
-    cross: FloatArray,
-    column_of: IntArray,
-    change: FloatArray,
-    u: FloatArray,
-    gradient_shared: FloatArray,
+    c: Clusters, a: FloatArray, column_of: IntArray, change: FloatArray, u: FloatArray, gradient_shared: FloatArray
 ) -> None:
     """The gradient alone of `add_features_kernel`: adds to u (Q, 4), which times a bin's J is its own, and of lasers' columns."""
-    for b in range(bins.shape[0]):
-        q, j = bins[b], laser[b]
-        for f in range(cross.shape[1]):
+    seen, pull, of_bin, of_pose = np.empty(5), np.empty(4), -1, -1
+    for b in range(c.bins.shape[0]):
+        q, t, j = c.bins[b], c.pose[b], c.laser[b]
+        if q != of_bin or t != of_pose:
+            vector_before(c, t, a[q], seen)
+            of_bin, of_pose = q, t
+        pull[:] = 0.0
+        for f in range(c.cross.shape[1]):
             moved = change[j, f]
             if moved != 0.0:
                 for i in range(4):
-                    u[q, i] += moved * cross[b, f, i]
-        for t in range(COLUMNS):
-            column = column_of[j, t]
+                    pull[i] += moved * c.cross[b, f, i]
+        add_moved(c, t, pull, u[q])
+        for column_at in range(COLUMNS):
+            column = column_of[j, column_at]
             if column >= 0:
-                f, value = OF_COLUMN[t], 0.0
-                for c in range(5):
-                    value += cross[b, f, c] * a[q, c]
-                gradient_shared[column] += SIGN[t] * value
+                f, value = OF_COLUMN[column_at], 0.0
+                for i in range(5):
+                    value += c.cross[b, f, i] * seen[i]
+                gradient_shared[column] += SIGN[column_at] * value
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
@@ -205,7 +212,7 @@ def _end_run(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _lay_beside(
-    cross: FloatArray,
+    cross: Float32Array,
     b: int,
     column_of: IntArray,
     change: FloatArray,

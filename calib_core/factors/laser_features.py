@@ -31,15 +31,15 @@ from calib_core.factors.laser_kernels import (
     PRODUCTS,
     SHARES,
     SIGN,
+    Clusters,
     LaserTable,
     collapse_features_kernel,
     correct_kernel,
     features_kernel,
-    gather_features_kernel,
     share_products_kernel,
     sum_grams_kernel,
 )
-from calib_core.factors.lidar_plane import Hits, SlicePoses, in_order
+from calib_core.factors.lidar_plane import Hits, SlicePoses
 from calib_core.factors.patches import Between
 from calib_core.threads import in_parts
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
@@ -216,34 +216,43 @@ def steps_to_middles(poses: SlicePoses, group: IntArray, middle: IntArray) -> tu
 class LaserFactors:
     """Moments by knot, plane and laser, as the joint problem takes them.
 
-    bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross: (B, F, 5), hits in the
-    lidar's frame at the knot.   gram: (U, F (F + 1) / 2), which moves with no motion and stays as it was made (LaserSums), of the
-    cluster `of` (U,) each.   grams: (G, F, F) their sums by plane and laser, of those that have points: of_plane, of_laser (G,).
-    That is all that a cost and its derivatives ask for.
+    bin: (B,) ascending, the bin of all lasers' points on that plane at that knot.   laser: (B,).   cross (B, F, 5), gram (B,
+    F (F + 1) / 2): as they were made (LaserSums), which is in the frame of the middle of a group of slices; pose: (B,) which of R
+    (T, 3, 3), p (T, 3) takes hits from there to the frame at the bin's knot.   grams: (G, F, F) products summed by plane and
+    laser, of those that have points: of_plane, of_laser (G,). Those move with no motion; a cost and its derivatives ask for no
+    others.
     """
 
     bin: IntArray
     laser: IntArray
-    cross: FloatArray
+    cross: Float32Array
     gram: Float32Array
-    of: IntArray
+    pose: IntArray
+    R: FloatArray
+    p: FloatArray
     grams: FloatArray
     of_plane: IntArray
     of_laser: IntArray
 
     @staticmethod
-    def made(
-        bins: IntArray, laser: IntArray, cross: FloatArray, gram: Float32Array, of: IntArray, plane: IntArray
+    def unmoved(
+        bins: IntArray, laser: IntArray, cross: Float32Array, gram: Float32Array, plane: IntArray
     ) -> LaserFactors:
-        """With its sums. plane: (Q,) of the bins."""
-        return LaserFactors(bins, laser, cross, gram, of, *summed_grams(gram, plane[bins[of]], laser[of]))
+        """With hits where they were, and their sums. plane: (Q,) of the bins."""
+        pose, R, p = np.zeros(len(bins), np.int64), np.eye(3)[None], np.zeros((1, 3))
+        return LaserFactors(bins, laser, cross, gram, pose, R, p, *summed_grams(gram, plane[bins], laser))
 
     @staticmethod
     def empty() -> LaserFactors:
         """None at all."""
-        none = np.zeros(0, np.int64)
-        cross, gram = np.zeros((0, FEATURES, 5)), np.zeros((0, FEATURES * (FEATURES + 1) // 2), np.float32)
-        return LaserFactors.made(none, none, cross, gram, none, none)
+        none, products = np.zeros(0, np.int64), FEATURES * (FEATURES + 1) // 2
+        cross, gram = np.zeros((0, FEATURES, 5), np.float32), np.zeros((0, products), np.float32)
+        return LaserFactors.unmoved(none, none, cross, gram, none)
+
+    def clusters(self, first: int = 0, last: int | None = None) -> Clusters:
+        """Of clusters first..last (exclusive), as the kernels take them; bins keep their numbers."""
+        some = slice(first, last)
+        return Clusters(self.bin[some], self.laser[some], self.pose[some], self.cross[some], self.R, self.p)
 
     @property
     def features(self) -> int:
@@ -253,49 +262,19 @@ class LaserFactors:
     def within(self, mine: BoolArray, plane: IntArray) -> LaserFactors:
         """Those of some of the bins (Q,) alone, which are counted anew. plane: (Q,) of all bins."""
         some, number = mine[self.bin], np.cumsum(mine) - 1
-        kept = some[self.of]
-        return LaserFactors.made(
-            number[self.bin[some]],
-            self.laser[some],
-            self.cross[some],
-            self.gram[kept],
-            (np.cumsum(some) - 1)[self.of[kept]],
-            plane[mine],
-        )
+        bins, laser, gram = number[self.bin[some]], self.laser[some], self.gram[some]
+        of = summed_grams(gram, plane[mine][bins], laser)
+        return LaserFactors(bins, laser, self.cross[some], gram, self.pose[some], self.R, self.p, *of)
 
 
 def summed_grams(gram: Float32Array, plane: IntArray, laser: IntArray) -> tuple[FloatArray, IntArray, IntArray]:
-    """Products (U, F (F + 1) / 2) summed by plane and laser, (U,) each: (G, F, F), and of which plane and laser each is, (G,)."""
+    """Products (B, F (F + 1) / 2) summed by plane and laser, (B,) each: (G, F, F), and of which plane and laser each is, (G,)."""
     lasers, planes = int(laser.max(initial=0)) + 1, int(plane.max(initial=0)) + 1
     keys, place = numbered(plane * lasers + laser, planes * lasers)
     features = int(np.sqrt(2 * gram.shape[1]))
     grams = np.zeros((len(keys), features, features))
     sum_grams_kernel(gram, place, grams)
     return grams, keys // lasers, keys % lasers
-
-
-def move_and_sum_features(
-    sums: LaserSums, use: IntArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
-) -> tuple[IntArray, FloatArray, IntArray]:
-    """Moments with their hits moved, x -> R x + p, and summed over equal keys: keys in order (K,), cross, where each went (U,).
-
-    Where the hits are follows the motion: in single precision each gathering would round it anew, and no descent would rest.
-
-    use: (U,) which of them; pose, key: (U,) of those.   R: (T, 3, 3), p: (T, 3).
-    """
-    order, begins, sums_of = in_order(key)
-    first_of = np.flatnonzero(begins)
-    keys, cross = key[order[first_of]], np.zeros((len(first_of), *sums.cross.shape[1:]))
-    used, posed, ends = use[order], pose[order], np.append(first_of, len(key))
-
-    def of_keys(first: int, last: int) -> None:
-        mine = slice(ends[first], ends[last])
-        gather_features_kernel(sums.cross, used[mine], R, p, posed[mine], sums_of[mine], cross)
-
-    in_parts(len(keys), of_keys)
-    place = np.empty(len(key), np.int64)
-    place[order] = sums_of
-    return keys, cross, place
 
 
 def feature_changes(change: FloatArray, features: int) -> FloatArray:
@@ -316,10 +295,7 @@ def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray, p
     crossed = np.empty(len(factors.laser))
 
     def of_clusters(first: int, last: int) -> None:
-        some = slice(first, last)
-        features_crossed_kernel(
-            factors.bin[some], factors.laser[some], a, factors.cross[some], by_feature, crossed[some]
-        )
+        features_crossed_kernel(factors.clusters(first, last), a, by_feature, crossed[first:last])
 
     in_parts(len(crossed), of_clusters)
     moved = by_feature[factors.of_laser]

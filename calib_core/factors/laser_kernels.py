@@ -57,6 +57,22 @@ class LaserTable(NamedTuple):
     eccentricity_rad: FloatArray
 
 
+class Clusters(NamedTuple):
+    """Moments of the lasers' points, as they were made, and where their hits are now: laser_features.LaserFactors.
+
+    bins (B,) ascending, laser (B,), cross (B, F, 5).   pose: (B,) which of R (T, 3, 3), p (T, 3) moves their hits, x -> R x + p.
+    A moved moment is m' = [R, p; 0, 1] m, and m' . a = m . ([R, p; 0, 1]' a): what multiplies is moved instead, once for all
+    clusters of a bin that have a pose.
+    """
+
+    bins: IntArray
+    laser: IntArray
+    pose: IntArray
+    cross: Float32Array
+    R: FloatArray
+    p: FloatArray
+
+
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def table_of(errors: LaserTable) -> FloatArray:
     """(L + 1, 6) what `correct_block` is told of a point of each laser, OFFSET to KNOWN; the last row is any other's."""
@@ -251,33 +267,45 @@ def collapse_features_kernel(
                 add_shares(S, m, d[of], weight[of], share[of], cluster[of], cross, more)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
-def gather_features_kernel(
-    cross: Float32Array,
-    use: IntArray,
-    R: FloatArray,
-    p: FloatArray,
-    pose: IntArray,
-    place: IntArray,
-    total_cross: FloatArray,
-) -> None:
-    """Adds moments (B, F, 5) to those at their places, with their hits moved by x -> R x + p of their pose.
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def vector_before(c: Clusters, t: int, after: FloatArray, before: FloatArray) -> None:
+    """Fills before (5,) with what gives of moments as they are what `after` (5,) gives of them moved by pose t."""
+    R, p = c.R, c.p
+    for i in range(3):
+        before[i] = R[t, 0, i] * after[0] + R[t, 1, i] * after[1] + R[t, 2, i] * after[2]
+    before[3] = p[t, 0] * after[0] + p[t, 1] * after[1] + p[t, 2] * after[2] + after[3]
+    before[4] = after[4]
 
-    use: (U,) which of them, pose, place: (U,) each one's pose and place.   R: (T, 3, 3), p: (T, 3).
-    """
-    for u in range(use.shape[0]):
-        b, t, k = use[u], pose[u], place[u]
-        # Read once: what is written to the sums might be the pose, for all that a compiler knows.
-        r00, r01, r02, p0 = R[t, 0, 0], R[t, 0, 1], R[t, 0, 2], p[t, 0]
-        r10, r11, r12, p1 = R[t, 1, 0], R[t, 1, 1], R[t, 1, 2], p[t, 1]
-        r20, r21, r22, p2 = R[t, 2, 0], R[t, 2, 1], R[t, 2, 2], p[t, 2]
-        for f in range(cross.shape[1]):
-            x0, x1, x2, one = cross[b, f, 0], cross[b, f, 1], cross[b, f, 2], cross[b, f, 3]
-            total_cross[k, f, 0] += r00 * x0 + r01 * x1 + r02 * x2 + p0 * one
-            total_cross[k, f, 1] += r10 * x0 + r11 * x1 + r12 * x2 + p1 * one
-            total_cross[k, f, 2] += r20 * x0 + r21 * x1 + r22 * x2 + p2 * one
-            total_cross[k, f, 3] += one
-            total_cross[k, f, 4] += cross[b, f, 4]
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def rows_before(c: Clusters, t: int, after: FloatArray, before: FloatArray) -> None:
+    """The same of the first four of a moment's five: (4, N) rows."""
+    R, p = c.R, c.p
+    for s in range(after.shape[1]):
+        x, y, z = after[0, s], after[1, s], after[2, s]
+        for i in range(3):
+            before[i, s] = R[t, 0, i] * x + R[t, 1, i] * y + R[t, 2, i] * z
+        before[3, s] = p[t, 0] * x + p[t, 1] * y + p[t, 2] * z + after[3, s]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def add_moved(c: Clusters, t: int, moment: FloatArray, total: FloatArray) -> None:
+    """Adds the first four of a moment (4,), moved by pose t, to total (4,)."""
+    R, p = c.R, c.p
+    x, y, z, one = moment[0], moment[1], moment[2], moment[3]
+    for i in range(3):
+        total[i] += R[t, i, 0] * x + R[t, i, 1] * y + R[t, i, 2] * z + p[t, i] * one
+    total[3] += one
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def add_ones_kernel(c: Clusters, total: FloatArray) -> None:
+    """Adds to each bin's total (Q, 4) the moments of the points themselves, moved: c + (1 - c) = 1."""
+    ones = np.empty(4)
+    for b in range(c.bins.shape[0]):
+        for i in range(4):
+            ones[i] = np.float64(c.cross[b, 0, i]) + c.cross[b, INCIDENCE, i]
+        add_moved(c, c.pose[b], ones, total[c.bins[b]])
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

@@ -333,15 +333,9 @@ def move_and_sum(
 
 def distinct(key: IntArray) -> tuple[IntArray, IntArray]:
     """The different ones in order (K,), and which of them each is (B,): quick where they hardly ever fall, as in time's order."""
-    order, begins, place_in_order = in_order(key)
-    place = np.empty(len(key), np.int64)
-    place[order] = place_in_order
-    return key[order[begins]], place
-
-
-def in_order(key: IntArray) -> tuple[IntArray, BoolArray, IntArray]:
-    """How keys (B,) are put in order; where in it another one begins, and which of them each is, (B,) each."""
     order = np.argsort(key, kind="stable")
     ordered = key[order]
-    begins: BoolArray = np.append(True, ordered[1:] != ordered[:-1])[: len(key)]
-    return order, begins, np.cumsum(begins) - 1
+    begins = np.append(True, ordered[1:] != ordered[:-1])[: len(key)]
+    place = np.empty(len(key), np.int64)
+    place[order] = np.cumsum(begins) - 1
+    return ordered[begins], place

@@ -184,7 +184,7 @@ def _of_links(of: _Responses) -> Influences:
 
 def _of_bins(of: _Responses) -> Influences:
     problem, bins = of.problem, of.problem.bins
-    out, lasers = Influences.none(len(bins.knot), of.unknowns, alone=of.alone), bins.lasers
+    out = Influences.none(len(bins.knot), of.unknowns, alone=of.alone)
     rates = problem.lidar.rates(of.estimate)
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
     F, change = _features(problem.lidar, of)
@@ -202,13 +202,10 @@ def _of_bins(of: _Responses) -> Influences:
         by_scatter = own.scatter[:, :4, :4] @ Q
         allowed[:] = np.einsum("fmn,fmn->fn", Q, by_scatter) if of.alone else np.swapaxes(Q, 1, 2) @ by_scatter
         if len(clusters.laser):
-            add_influences_kernel(clusters.bin, clusters.laser, clusters.cross, a, Q, F, change, moved, allowed)
+            add_influences_kernel(clusters.clusters(), a, Q, F, change, moved, allowed)
+            add_own_influences_kernel(clusters.bin, clusters.laser, clusters.gram, F, change, moved, allowed)
 
     list(workers().map(one, range(0, knots, CHAIN.knots_at_once)))
-    if len(lasers.of):
-        add_own_influences_kernel(
-            lasers.bin[lasers.of], lasers.laser[lasers.of], lasers.gram, F, change, out.moved, out.allowed
-        )
     return out
 
 
@@ -221,9 +218,7 @@ def _of_lasers(of: _Responses, told_apart: Iterable[ByLaser]) -> Influences:
         a, J = lidar.bins_seen(of.estimate)
         Q = _response(J, bins.knot, bins.plane, of)
         F, change = _features(lidar, of)
-        laser_influences_kernel(
-            bins.lasers.bin, bins.lasers.laser, bins.lasers.cross, a, Q, F, change, out.moved, out.allowed,
-        )  # fmt: skip
+        laser_influences_kernel(bins.lasers.clusters(), a, Q, F, change, out.moved, out.allowed)
     return out
 
 

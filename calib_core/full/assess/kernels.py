@@ -8,6 +8,7 @@ from __future__ import annotations
 import numba
 import numpy as np
 
+from calib_core.factors.laser_kernels import Clusters, rows_before, vector_before
 from calib_core.types import Float32Array, FloatArray, IntArray
 
 
@@ -23,9 +24,7 @@ def sum_by_kernel(values: FloatArray, cluster: IntArray, total: FloatArray) -> N
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def add_influences_kernel(
-    bins: IntArray,
-    laser: IntArray,
-    cross: FloatArray,
+    clusters: Clusters,
     a: FloatArray,
     Q: FloatArray,
     F: FloatArray,
@@ -35,40 +34,45 @@ def add_influences_kernel(
 ) -> None:
     """Adds to each bin's moved (Q, N) and allowed what where its lasers' points lie has moved and allowed.
 
-    bins, laser: (B,).   cross: (B, A, 5).   a: (Q, 5), Q: (Q, 4, N) of the bins.   F: (L, A, N), change: (L, A) of the lasers.
+    a: (Q, 5), Q: (Q, 4, N) of the bins.   F: (L, A, N), change: (L, A) of the lasers.
     """
-    features, unknowns = F.shape[1], F.shape[2]
+    features, unknowns, cross = F.shape[1], F.shape[2], clusters.cross
+    seen, by, of_bin, of_pose = np.empty(5), np.empty((4, unknowns)), -1, -1
     by_cross = np.empty((4, unknowns))
     pull, push, mixed = np.empty(features), np.empty(4), np.empty((unknowns, unknowns))
-    for b in range(bins.shape[0]):
-        q, j = bins[b], laser[b]
+    for b in range(cross.shape[0]):
+        q, pose, j = clusters.bins[b], clusters.pose[b], clusters.laser[b]
+        if q != of_bin or pose != of_pose:
+            vector_before(clusters, pose, a[q], seen)
+            rows_before(clusters, pose, Q[q], by)
+            of_bin, of_pose = q, pose
         push[:], by_cross[:] = 0.0, 0.0
         for f in range(features):
-            total, by = 0.0, change[j, f]
+            total, moved_by = 0.0, change[j, f]
             for c in range(4):
                 value = cross[b, f, c]
-                total += value * a[q, c]
-                push[c] += value * by
+                total += value * seen[c]
+                push[c] += value * moved_by
                 for s in range(unknowns):
                     by_cross[c, s] += value * F[j, f, s]
-            pull[f] = total + cross[b, f, 4] * a[q, 4]
+            pull[f] = total + cross[b, f, 4] * seen[4]
         for s in range(unknowns):
             total = 0.0
             for f in range(features):
                 total += F[j, f, s] * pull[f]
             for c in range(4):
-                total += Q[q, c, s] * push[c]
+                total += by[c, s] * push[c]
             moved[q, s] -= total
         if allowed.ndim == 2:
             for c in range(4):
                 for s in range(unknowns):
-                    allowed[q, s] += 2.0 * Q[q, c, s] * by_cross[c, s]
+                    allowed[q, s] += 2.0 * by[c, s] * by_cross[c, s]
         else:
             for s in range(unknowns):
                 for t in range(unknowns):
                     mixed[s, t] = (
-                        Q[q, 0, s] * by_cross[0, t] + Q[q, 1, s] * by_cross[1, t] + Q[q, 2, s] * by_cross[2, t]
-                        + Q[q, 3, s] * by_cross[3, t]
+                        by[0, s] * by_cross[0, t] + by[1, s] * by_cross[1, t] + by[2, s] * by_cross[2, t]
+                        + by[3, s] * by_cross[3, t]
                     )  # fmt: skip
             for s in range(unknowns):
                 for t in range(unknowns):
@@ -121,9 +125,7 @@ def add_own_influences_kernel(
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
 def laser_influences_kernel(
-    bins: IntArray,
-    laser: IntArray,
-    cross: FloatArray,
+    clusters: Clusters,
     a: FloatArray,
     Q: FloatArray,
     F: FloatArray,
@@ -133,14 +135,19 @@ def laser_influences_kernel(
 ) -> None:
     """Adds to each laser's moved (L, N) and allowed what the means of its points have moved and allowed.
 
-    As above, but `laser` may count square * L + laser, as F and change do.   cross may be (B, 1, 5), of a 1 alone.
+    As above, but `laser` may count square * L + laser, as F and change do.   moments may be (B, 1, 5), of a 1 alone.
     """
-    features, unknowns, lasers = F.shape[1], F.shape[2], moved.shape[0]
+    features, unknowns, lasers, cross = F.shape[1], F.shape[2], moved.shape[0], clusters.cross
     response, ones = np.empty(unknowns), np.empty(5)
-    for b in range(bins.shape[0]):
-        q, j = bins[b], laser[b]
+    seen, by, of_bin, of_pose = np.empty(5), np.empty((4, unknowns)), -1, -1
+    for b in range(cross.shape[0]):
+        q, pose, j = clusters.bins[b], clusters.pose[b], clusters.laser[b]
+        if q != of_bin or pose != of_pose:
+            vector_before(clusters, pose, a[q], seen)
+            rows_before(clusters, pose, Q[q], by)
+            of_bin, of_pose = q, pose
         for c in range(5):
-            ones[c] = cross[b, 0, c] + (cross[b, 4, c] if features > 4 else 0.0)
+            ones[c] = np.float64(cross[b, 0, c]) + (cross[b, 4, c] if features > 4 else 0.0)
         weight = ones[3]
         if weight <= 0.0:
             continue
@@ -148,10 +155,10 @@ def laser_influences_kernel(
         response[:] = 0.0
         for c in range(5):
             mean = ones[c] / weight
-            residual += mean * a[q, c]
+            residual += mean * seen[c]
             if c < 4:
                 for s in range(unknowns):
-                    response[s] += mean * Q[q, c, s]
+                    response[s] += mean * by[c, s]
         for f in range(features):
             mean = cross[b, f, 3] / weight
             residual += mean * change[j, f]

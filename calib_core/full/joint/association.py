@@ -36,7 +36,7 @@ def associate(
         return replace(micro, laid_out_at=e.sensors, time_offset_s=e.time_offset_s)
 
     if cap is None and stride == 1 and view.nuisance.surface is None:
-        return Micro.joined(over_batches(view, positions, 1, whole, on_scans, most=view.most_as_one(positions)))
+        return _joined(view, over_batches(view, positions, 1, whole, on_scans, most=view.most_as_one(positions)))
 
     def some(batch: Sequence[int]) -> Micro:
         hits = view.hits(batch, gate, stride)
@@ -49,8 +49,17 @@ def associate(
         return replace(micro, laid_out_at=e.sensors, time_offset_s=e.time_offset_s)
 
     if cap is None:
-        return Micro.joined(over_batches(view, positions, stride, some, on_scans))
-    return Micro.joined(over_scans(view, positions, lambda position: some([position]), on_scans))
+        return _joined(view, over_batches(view, positions, stride, some, on_scans))
+    return _joined(view, over_scans(view, positions, lambda position: some([position]), on_scans))
+
+
+def _joined(view: View, parts: list[Micro]) -> Micro:
+    micro = Micro.joined(parts)
+    for lasers in (micro.lasers, micro.apart):
+        if lasers is not None:
+            knot = view.motion.nearest_knot(lasers.time_s - micro.time_offset_s)
+            lasers.put_in_order(knot, len(view.estimate.normals))
+    return micro
 
 
 def _capped(hits: Hits, keep: BoolArray, cap: int, seed: int) -> BoolArray:

@@ -65,8 +65,8 @@ def _laid_out(solved: Solved, lasers: int) -> Iterator[ByLaser]:
 
 
 def _in_parts(apart: LaserMicro) -> Iterator[LaserMicro]:
-    """Some scans' at a time."""
-    begins = np.flatnonzero(np.append(True, np.diff(apart.scan) != 0)).tolist()
+    """Some scans' at a time, but for what of one lies among the next one's, at a knot that they share."""
+    begins = np.flatnonzero(np.append(True, np.diff(np.maximum.accumulate(apart.scan)) != 0)).tolist()
     first = 0
     for begin, end in pairwise([*begins, len(apart.scan)]):
         if end - first > SURVEYING.clusters and begin > first:

@@ -70,8 +70,8 @@ class LidarFactors:
         )  # fmt: skip
         if len(lasers.laser):
             add_features_kernel(
-                lasers.bin, knot, b.plane, lasers.laser, J, a, lasers.cross, self._laser_columns(layout),
-                self.features_changed(estimate), planes, clock,
+                lasers.clusters(), knot, b.plane, J, a, self._laser_columns(layout), self.features_changed(estimate),
+                planes, clock,
                 part.gradient, part.border, part.corner, part.gradient_shared,
             )  # fmt: skip
 
@@ -100,7 +100,7 @@ class LidarFactors:
         own = shared[layout.nuisance()]
         crossed = np.zeros((len(b.knot), 4, m))
         if len(lasers.laser):
-            features_times_kernel(lasers.bin, lasers.laser, lasers.cross, self.features_following(own), crossed)
+            features_times_kernel(lasers.clusters(), self.features_following(own), crossed)
         clock = own[self.sensors.clock_place :][:1] if self.sensors.clock_place >= 0 else np.zeros((1, m))
         bins_times_kernel(
             b.knot - first, b.plane, J, b.scatter, shared[:CALIBRATION],
@@ -127,7 +127,7 @@ class LidarFactors:
         u = (b.scatter[:, :4] @ a[..., None])[..., 0]
         if len(lasers.laser):
             columns, change = self._laser_columns(layout), self.features_changed(estimate)
-            features_pull_kernel(lasers.bin, lasers.laser, a, lasers.cross, columns, change, u, shared)
+            features_pull_kernel(lasers.clusters(), a, columns, change, u, shared)
         pulls = (u[:, None] @ J)[:, 0]
         shared[:CALIBRATION] += pulls[:, OF_CALIBRATION].sum(axis=0)
         np.add.at(shared[layout.every_plane()].reshape(-1, 3), b.plane, pulls[:, OF_PLANE])
@@ -144,7 +144,12 @@ class LidarFactors:
         clusters = slice(*(int(at) for at in np.searchsorted(lasers.bin, (begin, end))))
         some = slice(begin, end)
         lasers = replace(
-            lasers, bin=lasers.bin[clusters] - begin, laser=lasers.laser[clusters], cross=lasers.cross[clusters]
+            lasers,
+            bin=lasers.bin[clusters] - begin,
+            laser=lasers.laser[clusters],
+            cross=lasers.cross[clusters],
+            gram=lasers.gram[clusters],
+            pose=lasers.pose[clusters],
         )
         bins = replace(
             b, knot=b.knot[some], plane=b.plane[some], scatter=b.scatter[some], count=b.count[some], lasers=lasers

@@ -10,12 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.factors.laser_features import LaserFactors, LaserSums, move_and_sum_features, summed_grams
+from calib_core.factors.laser_features import LaserFactors, LaserSums, summed_grams
+from calib_core.factors.laser_kernels import add_ones_kernel
 from calib_core.factors.lidar_plane import move_and_sum
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.state import Bins, Estimate, no_bins
-from calib_core.threads import workers
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -33,8 +33,18 @@ class LaserMicro:
         sums = replace(self.sums, cross=self.sums.cross * weight, gram=self.sums.gram * weight[:, 0])
         return replace(self, sums=sums)
 
-    def part(self, some: slice) -> LaserMicro:
-        """Some of them in a row."""
+    def put_in_order(self, knot: IntArray, planes: int) -> None:
+        """By knot (B,), and plane within a knot, in place: scans follow one another but for those that share a knot, and moments
+        are then used where they lie, and never copied.
+        """
+        order = np.argsort(knot * planes + self.sums.plane, kind="stable")
+        moved = np.flatnonzero(order != np.arange(len(order)))
+        of = self.sums
+        for each in (self.time_s, self.scan, of.group, of.plane, of.laser, of.cross, of.gram):
+            each[moved] = each[order[moved]]
+
+    def part(self, some: slice | IntArray) -> LaserMicro:
+        """Some of them."""
         of = self.sums
         sums = LaserSums(of.group[some], of.plane[some], of.laser[some], of.cross[some], of.gram[some])
         return LaserMicro(self.time_s[some], self.scan[some], sums)
@@ -125,12 +135,11 @@ def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:
     """
     if len(lasers.laser) == 0:
         return scatter
-    begins = np.flatnonzero(np.append(True, np.diff(lasers.bin) != 0))
-    place = lasers.bin[begins]
-    mean = np.add.reduceat(lasers.cross[:, 0, :4] + lasers.cross[:, 4, :4], begins)
-    mine = scatter[place, 3, :3] / scatter[place, 3, 3, None]
+    sums = np.zeros((len(scatter), 4))
+    add_ones_kernel(lasers.clusters(), sums)
+    some = sums[:, 3] > 0.0
     shift = np.zeros((len(scatter), 3))
-    shift[place] = mean[:, :3] / mean[:, 3, None] - mine
+    shift[some] = sums[some, :3] / sums[some, 3, None] - scatter[some, 3, :3] / scatter[some, 3, 3, None]
     # S M S' with S the unit matrix but for the shift beside its ones.
     out = scatter.copy()
     out[:, :3] += shift[:, :, None] * scatter[:, 3, None, :]
@@ -141,7 +150,7 @@ def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:
 def gather_lasers(
     micro: LaserMicro, motion: Motion, estimate: Estimate, time_offset_s: float, bins: IntArray
 ) -> LaserFactors:
-    """Moments moved to their knots under the current motion and summed: a knot, plane and laser each.
+    """Moments as they are, with where the current motion has taken their hits: to their knots.
 
     time_offset_s: with which slices were put together to knots.   bins: (Q,) knot times planes plus plane of each bin,
     ascending; they are of the same points.
@@ -152,22 +161,21 @@ def gather_lasers(
     poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     R, p = poses.seen_from(knots, knot)
-    use = np.flatnonzero(poses.usable[of_group])
-    if len(use) == 0:
-        return LaserFactors.empty()
-    of_group, sums = of_group[use], micro.sums
-    n_planes, lasers = len(estimate.normals), int(sums.laser.max(initial=0)) + 1
-    gram = sums.gram if len(use) == len(sums.gram) else sums.gram[use]
-    products = workers().submit(summed_grams, gram, sums.plane[use], sums.laser[use])  # which move with no motion
-    keys, cross, of = move_and_sum_features(
-        sums,
-        use,
-        R,
-        p,
-        of_group,
-        (knot[of_group] * n_planes + sums.plane[use]) * lasers + sums.laser[use],
-    )
-    return LaserFactors(np.searchsorted(bins, keys // lasers), keys % lasers, cross, gram, of, *products.result())
+    key = knot[of_group] * len(estimate.normals) + micro.sums.plane
+    use = in_order(key, poses.usable[of_group])
+    if use is not None:
+        micro, key, of_group = micro.part(use), key[use], of_group[use]
+    sums = micro.sums
+    grams = summed_grams(sums.gram, sums.plane, sums.laser)
+    return LaserFactors(np.searchsorted(bins, key), sums.laser, sums.cross, sums.gram, of_group, R, p, *grams)
+
+
+def in_order(key: IntArray, usable: BoolArray) -> IntArray | None:
+    """Places of those that are usable, by ascending key (B,); None where they are all, and lie like that."""
+    if usable.all() and not (np.diff(key) < 0).any():
+        return None
+    some = np.flatnonzero(usable)
+    return np.asarray(some[np.argsort(key[some], kind="stable")])
 
 
 def _instants(time_s: FloatArray) -> tuple[FloatArray, IntArray]:

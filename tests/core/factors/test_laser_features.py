@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.blocks import sine_and_cosine
-from calib_core.factors.laser_assembly import add_features_kernel
+from calib_core.factors.laser_assembly import add_features_kernel, features_pull_kernel, features_times_kernel
 from calib_core.factors.laser_features import (
     LaserErrors,
     LaserFactors,
@@ -17,10 +18,9 @@ from calib_core.factors.laser_features import (
     collapse_features,
     feature_changes,
     features_squares,
-    move_and_sum_features,
     numbered,
 )
-from calib_core.factors.laser_kernels import COLUMNS
+from calib_core.factors.laser_kernels import COLUMNS, Clusters, add_ones_kernel
 from calib_core.factors.lidar_plane import Gate, find_hits
 from calib_core.factors.patches import Between
 from calib_core.types import FloatArray
@@ -193,7 +193,7 @@ def test_changed_parameters_add_what_their_points_say() -> None:
     rng = np.random.default_rng(5)
     y, f = rng.normal(size=(20, 5)), rng.normal(size=(20, 8))
     one = np.zeros(1, np.int64)
-    factors = LaserFactors.made(one, one + 1, (f.T @ y)[None], triangle(f.T @ f)[None], one, one)
+    factors = LaserFactors.unmoved(one, one + 1, (f.T @ y)[None], triangle(f.T @ f)[None], one)
     a, change = rng.normal(size=(1, 5)), rng.normal(size=(2, COLUMNS))
     moved = feature_changes(change, 8)[1]
     before, after = y @ a[0], y @ a[0] + f @ moved
@@ -203,37 +203,53 @@ def test_changed_parameters_add_what_their_points_say() -> None:
     np.testing.assert_allclose(feature_changes(change, 12)[1], [*expected, *-change[1, 9:13]])
 
 
-def test_many_clusters_add_what_all_their_points_say_and_moments_move_with_their_hits() -> None:
-    """Eleven clusters of three planes and two lasers, in parts on all threads, against their points one by one; and moved, those
-    of one key together.
+def _moves(rng: np.random.Generator, poses: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """R (T, 3, 3), p (T, 3), and what takes [x, 1, d] to [R x + p, 1, d]: (T, 5, 5)."""
+    R, p = Rotation.random(poses, random_state=rng).as_matrix(), rng.normal(size=(poses, 3))
+    whole = np.tile(np.eye(5), (poses, 1, 1))
+    whole[:, :3, :3], whole[:, :3, 3] = R, p
+    return R, p, whole
 
-    Mutations: a part's clusters with the others' changes; of a part only the first features moved; products summed by laser
-    alone; the plane's and laser's numbers exchanged.
+
+def test_many_clusters_add_what_all_their_points_say_where_their_hits_are_now() -> None:
+    """Eleven clusters of three planes and two lasers, in parts on all threads, against their points one by one, each with its
+    hits moved; one bin holds two that moved by different poses.
+
+    Mutations: a part's clusters with the others' changes; products summed by laser alone; the plane's and laser's numbers
+    exchanged; hits left where they were; the pose of a bin's first cluster for all of it; turned the other way; not shifted.
     """
     rng = np.random.default_rng(8)
     y, f = rng.normal(size=(11, 6, 5)), rng.normal(size=(11, 6, 8))
     y[:, :, 3] = 1.0
-    plane, laser = np.array([0, 0, 1, 1, 1, 2, 2, 2, 2, 2, 2]), np.array([0, 1, 0, 0, 1, 1, 1, 1, 0, 0, 1])
-    cross = np.einsum("bpf,bpc->bfc", f, y)
+    plane, laser = np.array([0, 0, 1, 1, 1, 2, 2, 2, 2, 2]), np.array([0, 1, 0, 0, 1, 1, 1, 1, 0, 0, 1])
+    in_bin, pose = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 8, 9]), np.array([0, 0, 1, 2, 2, 2, 3, 0, 1, 3, 3])
+    R, p, whole = _moves(rng, 4)
+    cross = np.einsum("bpf,bpc->bfc", f, y).astype(np.float32)
     gram = triangle(np.einsum("bpf,bpe->bfe", f, f)).astype(np.float32)
-    every = np.arange(11)
-    factors = LaserFactors.made(every, laser, cross, gram, every, plane)
-    a, change = rng.normal(size=(11, 5)), rng.normal(size=(2, COLUMNS))
+    factors = replace(LaserFactors.unmoved(in_bin, laser, cross, gram, plane), pose=pose, R=R, p=p)
+    a, change = rng.normal(size=(10, 5)), rng.normal(size=(2, COLUMNS))
     moved = feature_changes(change, 8)[laser]
-    before = np.einsum("bpc,bc->bp", y, a)
+    there = np.einsum("bij,bpj->bpi", whole[pose], y)
+    before = np.einsum("bpc,bc->bp", there, a[in_bin])
     after = before + np.einsum("bpf,bf->bp", f, moved)
-    expected = np.bincount(plane, np.sum(after**2 - before**2, axis=1))
-    np.testing.assert_allclose(features_squares(factors, a, change, plane), expected, rtol=1e-6)
-    R, p = Rotation.random(4, random_state=1).as_matrix(), rng.normal(size=(4, 3))
-    pose, key, use = np.array([0, 0, 1, 2, 3, 3, 0, 1]), np.array([3, 3, 9, 3, 4, 9, 1, 1]), every[2:10]
-    there = y[use].copy()
-    there[..., :3] = np.einsum("uij,upj->upi", R[pose], y[use][..., :3]) + p[pose][:, None]
-    sums = LaserSums(every, plane, laser, cross.astype(np.float32), gram)
-    keys, summed, place = move_and_sum_features(sums, use, R, p, pose, key)
-    np.testing.assert_array_equal(keys[place], key)
-    for k, number in enumerate(keys):
-        mine = key == number
-        np.testing.assert_allclose(summed[k], np.einsum("upf,upc->fc", f[use][mine], there[mine]), rtol=1e-5, atol=1e-5)
+    expected = np.bincount(plane[in_bin], np.sum(after**2 - before**2, axis=1))
+    np.testing.assert_allclose(features_squares(factors, a, change, plane), expected, rtol=1e-5)
+
+
+def test_points_of_all_lasers_are_counted_where_their_hits_are_now() -> None:
+    """Mutations: hits left where they were; of the two that make one a point only the first."""
+    rng = np.random.default_rng(9)
+    cross, in_bin, pose = (
+        rng.normal(size=(5, 8, 5)).astype(np.float32),
+        np.array([0, 0, 2, 2, 2]),
+        np.array([1, 1, 0, 0, 1]),
+    )
+    R, p, whole = _moves(rng, 2)
+    sums, expected = np.zeros((3, 4)), np.zeros((3, 4))
+    for b in range(5):
+        expected[in_bin[b]] += (whole[pose[b]] @ (cross[b, 0].astype(float) + cross[b, 4]))[:4]
+    add_ones_kernel(Clusters(in_bin, np.zeros(5, np.int64), pose, cross, R, p), sums)
+    np.testing.assert_allclose(sums, expected, atol=1e-12)
 
 
 def test_heights_are_felt_by_the_shares_that_points_have_of_them() -> None:
@@ -298,7 +314,10 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
     )  # two heights, one between is nobody's
     size = first + 2 * lasers + 6
     J, a = rng.normal(size=(4, 4, width)), rng.normal(size=(4, 5))
-    cross, change = rng.normal(size=(len(bins_), 12, 5)), rng.normal(size=(lasers, 12))
+    cross, change = rng.normal(size=(len(bins_), 12, 5)).astype(np.float32), rng.normal(size=(lasers, 12))
+    pose = np.array([0, 0, 1, 1, *[1] * 4, 2, 2, 2, 0, *[2] * 4])
+    R, p, whole = _moves(rng, 3)
+    there = cross.astype(float) @ np.swapaxes(whole[pose], 1, 2)
     coefficients = np.stack(
         [feature_changes(column, 12) for column in np.eye(COLUMNS)[:, None].repeat(lasers, 1)], axis=-1
     )
@@ -311,7 +330,7 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
     for b, q in enumerate(bins_):
         j, k = laser[b], knot[q]
         own = np.concatenate([np.arange(7), planes_start + 3 * plane[q] + np.arange(3), np.full(width - 19, clock)])
-        by = J[q].T @ cross[b, :, :4].T  # (width, 12)
+        by = J[q].T @ there[b, :, :4].T  # (width, 12)
         want_gradient[k] += by[:9] @ change[j]
         want_shared[own] += by[9:] @ change[j]
         for c, column in enumerate(column_of[j]):
@@ -320,14 +339,29 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
                 want_border[k, :, column] += by[:9] @ f
                 want_corner[own, column] += by[9:] @ f
                 want_corner[column, own] += by[9:] @ f
-                want_shared[column] += f @ cross[b] @ a[q]
+                want_shared[column] += f @ there[b] @ a[q]
     for some in (slice(0, 8), slice(8, None)):
+        clusters = Clusters(bins_[some], laser[some], pose[some], cross[some], R, p)
         add_features_kernel(
-            bins_[some], knot, plane, laser[some], J, a, cross[some], column_of, change, planes_start, clock,
-            gradient, border, corner, shared,
-        )  # fmt: skip
+            clusters, knot, plane, J, a, column_of, change, planes_start, clock, gradient, border, corner, shared
+        )
     for got, want in ((gradient, want_gradient), (border, want_border), (corner, want_corner), (shared, want_shared)):
-        np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-12)
+        np.testing.assert_allclose(got, want, rtol=1e-11, atol=1e-11)
+    # The gradient alone, and what columns of the border times changes of the lasers' parameters pull knots by.
+    pulled, own_shared, columns = np.zeros((4, 4)), np.zeros(size), rng.normal(size=(lasers, COLUMNS, 3))
+    crossed, every = np.zeros((4, 4, 3)), Clusters(bins_, laser, pose, cross, R, p)
+    features_pull_kernel(every, a, column_of, change, pulled, own_shared)
+    features_times_kernel(every, feature_changes(columns, 12), crossed)
+    by_bin = np.zeros((4, 4, 12))
+    for b, q in enumerate(bins_):
+        by_bin[q] += there[b, :, :4].T * change[laser[b]]
+    np.testing.assert_allclose(pulled, by_bin.sum(axis=2), atol=1e-12)
+    lasers_own = np.unique(column_of[column_of >= 0])
+    np.testing.assert_allclose(own_shared[lasers_own], want_shared[lasers_own], atol=1e-11)
+    expected = np.zeros((4, 4, 3))
+    for b, q in enumerate(bins_):
+        expected[q] += there[b, :, :4].T @ feature_changes(columns, 12)[laser[b]]
+    np.testing.assert_allclose(crossed, expected, atol=1e-12)
 
 
 def test_points_in_no_square_are_told_apart_by_their_plane() -> None:

@@ -7,7 +7,9 @@ from typing import cast
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
+from calib_core.factors.laser_kernels import Clusters
 from calib_core.full.assess.considered import consider
 from calib_core.full.assess.disagreement import (
     Disagreement,
@@ -124,16 +126,18 @@ def test_factors_asked_for_a_few_knots_at_a_time_say_the_same(monkeypatch: pytes
 
 
 def test_lasers_add_what_their_clusters_have_moved_and_allowed() -> None:
-    """Against the products of whole matrices, cluster by cluster. Mutations: the mixed part once; the change left out of either
-    pull; a cluster to the bin of its neighbour.
+    """Against the products of whole matrices, cluster by cluster, with hits that have moved since moments were made. Mutations:
+    the mixed part once; the change left out of either pull; a cluster to the bin of its neighbour; its bin's first pose.
     """
     rng = np.random.default_rng(3)
     bins, laser = np.array([0, 0, 2, 2, 2]), np.array([1, 0, 2, 1, 0])
     y, f = rng.normal(size=(5, 20, 5)), rng.normal(size=(5, 20, 8))
-    cross, gram = np.swapaxes(f, 1, 2) @ y, np.swapaxes(f, 1, 2) @ f
+    cross, gram = (np.swapaxes(f, 1, 2) @ y).astype(np.float32), np.swapaxes(f, 1, 2) @ f
+    R, p, pose = Rotation.random(2, random_state=rng).as_matrix(), rng.normal(size=(2, 3)), np.array([0, 1, 1, 1, 0])
+    y[:, :, :3] = np.einsum("bij,bpj->bpi", R[pose], y[:, :, :3]) + y[:, :, 3, None] * p[pose, None]
     a, Q, F, change = (rng.normal(size=shape) for shape in ((3, 5), (3, 4, 7), (3, 8, 7), (3, 8)))
     moved, allowed = np.zeros((3, 7)), np.zeros((3, 7, 7))
-    add_influences_kernel(bins, laser, cross, a, Q, F, change, moved, allowed)
+    add_influences_kernel(Clusters(bins, laser, pose, cross, R, p), a, Q, F, change, moved, allowed)
     add_own_influences_kernel(bins, laser, triangle(gram).astype(np.float32), F, change, moved, allowed)
     for q in range(3):
         u, P = np.zeros(7), np.zeros((7, 7))

@@ -175,7 +175,7 @@ def test_a_plane_that_nothing_is_seen_of_answers_nothing() -> None:
             lasers=replace(
                 bins.lasers,
                 cross=np.where(lasers[:, None, None], 0.0, bins.lasers.cross),
-                gram=np.where(lasers[bins.lasers.of, None], 0.0, bins.lasers.gram),
+                gram=np.where(lasers[:, None], 0.0, bins.lasers.gram),
                 grams=np.where((bins.lasers.of_plane == unseen)[:, None, None], 0.0, bins.lasers.grams),
             ),
         )

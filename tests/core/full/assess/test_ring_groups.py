@@ -131,7 +131,9 @@ def lasers_are_the_bins(solved: Solved, parts: list[ByLaser]) -> None:
     weight = np.zeros(16)
     for part in parts:
         own = part.factors.bins
-        sums = own.lasers.cross[:, 0] + (own.lasers.cross[:, 4] if own.lasers.features > 1 else 0.0)
+        sums = own.lasers.cross[:, 0] + (own.lasers.cross[:, 4].astype(float) if own.lasers.features > 1 else 0.0)
+        R, p = own.lasers.R[own.lasers.pose], own.lasers.p[own.lasers.pose]
+        sums[:, :3] = np.einsum("bij,bj->bi", R, sums[:, :3]) + sums[:, 3:4] * p
         np.add.at(total, (own.knot * planes + own.plane)[own.lasers.bin], sums)
         weight += np.bincount(own.lasers.laser, sums[:, 3], 16)
     mine = total[bins.knot * planes + bins.plane]

@@ -213,7 +213,9 @@ def test_what_all_lasers_share_with_the_map_costs_nothing(noisy: tuple[Recording
 
     of_map = np.einsum("bi,bi->b", bins.scatter[:, 3], seen(bins.knot, bins.plane))
     of_cluster = seen(bins.knot, bins.plane)[lasers.bin]
-    of_lasers = np.einsum("bi,bi->b", lasers.cross[:, 0] + lasers.cross[:, 4], of_cluster)
+    ones = lasers.cross[:, 0].astype(float) + lasers.cross[:, 4]
+    ones[:, :3] = np.einsum("bij,bj->bi", lasers.R[lasers.pose], ones[:, :3]) + ones[:, 3:4] * lasers.p[lasers.pose]
+    of_lasers = np.einsum("bi,bi->b", ones, of_cluster)
     assert np.abs(of_map).sum() > 1e6  # 1/m
     assert abs(of_map.sum() - of_lasers.sum()) < 3e-9 * np.abs(of_map).sum()
 
@@ -231,7 +233,8 @@ def test_bins_are_moved_to_the_mean_of_their_lasers_points() -> None:
     moved[:, :, :3] += step
     cross = np.zeros((2, 8, 5))
     cross[:, 0], cross[:, 4] = 0.25 * moved[[0, 2]].sum(axis=1), 0.75 * moved[[0, 2]].sum(axis=1)
-    lasers = replace(LaserFactors.empty(), bin=np.array([0, 2]), laser=np.zeros(2, np.int64), cross=cross)
+    every, products = np.array([0, 2]), np.zeros((2, 36), np.float32)
+    lasers = LaserFactors.unmoved(every, np.zeros(2, np.int64), cross, products, np.zeros(3, np.int64))
     np.testing.assert_allclose(agreeing(np.swapaxes(y, 1, 2) @ y, lasers), np.swapaxes(moved, 1, 2) @ moved, atol=1e-12)
 
 

@@ -99,12 +99,11 @@ class Case:
             if ((self.pair == q) & (unit == j)).any()
         ]
         mine = [(self.pair == q) & (unit == j) for q, j in clusters]
-        lasers = LaserFactors.made(
+        lasers = LaserFactors.unmoved(
             np.array([q for q, _ in clusters]),
             np.array([j for _, j in clusters]),
             np.array([self.f[m].T @ self.y[m] for m in mine]),
             triangle(np.array([self.f[m].T @ self.f[m] for m in mine])),
-            np.arange(len(clusters)),
             base.bins.plane,
         )
         self.laid_out = laid_out
