@@ -5,7 +5,7 @@
     gate [NAME...]                      measure what is gated, aims, first_run, passes, lasers and growth too; exit 1 where a
                                         ratio slipped; what is over its aim is said
     bless [NAME...]                     measure and make the ratios the new baseline (commit it with a reason)
-    readme                              write the README's tables from bench/results
+    readme                              write the tables of README.md and docs/accuracy.md from bench/results
     answers CHECKOUT [--names]          this version's answers against another's, in sigmas: bench/results/answers.md
     bound [SCENARIO...]                 Cramér-Rao bounds into bench/results/bounds.csv
     bound-faults [SCENARIO]             the bounds with real sensors' faults as unknowns: bench/results/fault_bounds.csv
@@ -44,7 +44,7 @@ from bench import (
     starts,
 )
 from bench.metrics import Metric, slips
-from bench.readme import README, with_tables
+from bench.readme import write_pages
 from bench.store import RESULTS, bless, read_baseline, write_results
 from bench.workloads import WORKLOADS, Workload, metrics_of, runs_of
 from calib_core.errors import InputError
@@ -117,7 +117,7 @@ def _run(chosen: argparse.Namespace) -> int:
             sys.stdout.write(f"{first_run.NAME:24}A first calibration after the loops are compiled, over the second.\n")
             sys.stdout.write(f"{passes.NAME:24}Each stage's time over that of one honest pass over the recording.\n")
         case "readme":
-            README.write_text(with_tables(README.read_text(encoding="utf-8")), encoding="utf-8")
+            write_pages()
         case _:
             return _workloads(chosen.command, chosen.names, chosen.jobs)
     return 0

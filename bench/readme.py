@@ -1,7 +1,11 @@
-"""The README's tables of accuracy, made from the committed campaigns: `python -m bench readme` writes them anew."""
+"""The tables of accuracy in README.md and docs/accuracy.md, made from the committed campaigns: `python -m bench readme`.
+
+The README has the campaigns of whole sensors alone (the simulator's profiles), the other page all of them.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Container
 from pathlib import Path
 
 from bench.accuracy import by_scenario
@@ -13,10 +17,15 @@ from bench.figures import TWINS
 from bench.runs import PARAMETERS
 from bench.statistics import accuracy, bound_accuracy, consistency
 from bench.store import FOLDER, RESULTS
+from calib_core.simulate.faults import PROFILES
 
-README = FOLDER.parent / "README.md"
-#: Of ideal sensors, and of sensors as they are: the marks that each table stands between.
-IDEAL, REAL = ("<!-- bench -->\n", "<!-- /bench -->\n"), ("<!-- bench-real -->\n", "<!-- /bench-real -->\n")
+README, ACCURACY = FOLDER.parent / "README.md", FOLDER.parent / "docs" / "accuracy.md"
+#: The marks that each table stands between: ideal sensors, all campaigns with faults, and of these the profiles'.
+IDEAL, REAL, WHOLE = (
+    (f"<!-- {name} -->\n", f"<!-- /{name} -->\n") for name in ("bench", "bench-real", "bench-profiles")
+)
+#: Which of them each page has.
+PAGES = {README: (WHOLE,), ACCURACY: (REAL, IDEAL)}
 _REAL_HEAD = (
     "| recording | faults | runs | rotation, rms (stated) | translation, rms (stated) | time offset, rms (stated) "
     "| NEES / 7 | 95 % intervals cover | worst of all, sigmas |\n"
@@ -56,10 +65,12 @@ def table(folder: Path = RESULTS) -> str:
     return _HEAD + "".join(rows) if rows else "Not measured yet.\n"
 
 
-def real_table(folder: Path = RESULTS) -> str:
-    """One row for the latest campaign on each recording with faults."""
+def real_table(folder: Path = RESULTS, *, only: Container[str] | None = None) -> str:
+    """One row for the latest campaign on each recording with faults. only: the faults that get a row; None: all."""
     rows = []
     for campaign, runs in latest(read_fault_runs(folder)).items():
+        if only is not None and campaign.faults not in only:
+            continue
         solved = any(run.is_solved for run in runs)
         if solved and len(runs) < _FEWEST_FAULTY_RUNS:
             continue
@@ -88,9 +99,17 @@ def real_table(folder: Path = RESULTS) -> str:
 
 
 def with_tables(text: str, folder: Path = RESULTS) -> str:
-    """The README's text with the tables between their marks replaced."""
-    for (start, end), made in ((REAL, real_table(folder)), (IDEAL, table(folder))):
-        before, _, rest = text.partition(start)
-        _, _, after = rest.partition(end)
-        text = before + start + made + end + after
+    """A page's text with the tables replaced between the marks that it has."""
+    tables = ((WHOLE, real_table(folder, only=PROFILES)), (REAL, real_table(folder)), (IDEAL, table(folder)))
+    for (start, end), made in tables:
+        if start in text:
+            before, _, rest = text.partition(start)
+            _, _, after = rest.partition(end)
+            text = before + start + made + end + after
     return text
+
+
+def write_pages() -> None:
+    """Write the tables anew into both pages."""
+    for page in PAGES:
+        page.write_text(with_tables(page.read_text(encoding="utf-8")), encoding="utf-8")

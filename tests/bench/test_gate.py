@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from bench.__main__ import gate
 from bench.growth import Grown
 from bench.metrics import Direction, Metric, slips
 from bench.passes import Cost, Spent
-from bench.readme import IDEAL, README, REAL, with_tables
+from bench.readme import PAGES, README, WHOLE, with_tables
 from bench.runs import Run
 from bench.store import bless, read_baseline, write_results
 from bench.workloads import WORKLOADS, Workload, metrics_of
@@ -65,11 +66,28 @@ def test_bless_keeps_the_others(tmp_path: Path) -> None:
     assert write_results("x", [ratio(1.0)], tmp_path / "results").is_file()
 
 
-def test_readme_shows_the_committed_numbers() -> None:
-    """Fails when results are committed and the README is not (`python -m bench readme`), or it is edited by hand."""
-    text = README.read_text(encoding="utf-8")
-    assert all(text.count(mark) == 1 for mark in (*IDEAL, *REAL))
+@pytest.mark.parametrize("page", PAGES)
+def test_pages_show_the_committed_numbers(page: Path) -> None:
+    """Fails when results are committed and the pages are not (`python -m bench readme`), or one is edited by hand."""
+    text = page.read_text(encoding="utf-8")
+    assert all(text.count(mark) == 1 for marks in PAGES[page] for mark in marks)
     assert with_tables(text) == text
+
+
+def test_the_first_screen_says_what_the_table_says() -> None:
+    """Oracle: the README's own rows of a VLP-16 by hand for 20 s, the larger error of both profiles, to a digit.
+
+    Mutation: a figure of the sentence, or of a row, changed alone.
+    """
+    text = README.read_text(encoding="utf-8")
+    rows = text.partition(WHOLE[0])[2].partition(WHOLE[1])[0]
+    found = re.findall(
+        r"^\| handheld, 20 s \| \w+ \| \d+ \| ([\d.]+) deg .*? \| ([\d.]+) mm .*? \| ([\d.]+) ms ", rows, re.MULTILINE
+    )
+    assert len(found) == 2
+    told = re.findall(r"handheld recording with a VLP-16: ([\d.]+) deg, ([\d.]+) mm and ([\d.]+) ms", text)
+    largest = (max(map(float, column)) for column in zip(*found, strict=True))
+    assert told == [tuple(f"{value:.1g}" for value in largest)]
 
 
 def run_with(seed: int, errors: Sequence[float], stds: Sequence[float], status: str = "calibrated") -> Run:

@@ -17,6 +17,7 @@ from tools.steering import PAGE, RECORDS, SOURCES, loose, loose_in, numbers, wit
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = (
     "README.md",
+    "docs/accuracy.md",
     "docs/how-it-works.md",
     "docs/performance.md",
     "docs/architecture.md",
