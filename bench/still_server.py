@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 import threading
 import time
 from collections.abc import Iterator
@@ -10,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from app.application import Server, make_server
+from app.cli.serving import listen
 from app.jobs.orders import Order, Parcel, Stopped
 from app.settings import AppSettings
 
@@ -44,7 +44,7 @@ class StillLauncher:
 @contextmanager
 def server_of_its_own(folder: Path) -> Iterator[tuple[str, Server]]:
     """The address of a server over an empty data directory, and the server."""
-    bound = socket.create_server(("127.0.0.1", 0))
+    bound = listen("127.0.0.1", 0)
     shared = folder / "recordings"
     shared.mkdir()
     settings = AppSettings(data_dir=folder / "data", recordings_dir=shared, min_free_bytes=0)

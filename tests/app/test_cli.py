@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import signal
@@ -424,6 +425,28 @@ def test_busy_port_and_missing_folder_are_one_sentence(capsys: pytest.CaptureFix
     assert "--recordings" in last_line(capsys)
     assert cli.run(["serve", "--port", "99999"]) == 2
     assert "--port" in last_line(capsys)
+
+
+def test_answers_on_a_kept_connection_wait_for_no_acknowledgement() -> None:
+    """Oracle: what the kernel is told of an accepted connection. Mutation: a socket of no named protocol, which asyncio leaves
+    as it is: head and body go out by themselves, the second 40 ms later.
+    """
+
+    async def told() -> int:
+        accepted: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+
+        async def meet(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            accepted.set_result(writer.get_extra_info("socket").getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
+            writer.close()
+
+        bound = listen("127.0.0.1", 0)
+        async with await asyncio.start_server(meet, sock=bound):
+            _, writer = await asyncio.open_connection("127.0.0.1", bound.getsockname()[1])
+            said = await asyncio.wait_for(accepted, 30)
+            writer.close()
+        return said
+
+    assert asyncio.run(told()) == 1
 
 
 @pytest.mark.parametrize("stop", [signal.SIGTERM, signal.SIGINT])

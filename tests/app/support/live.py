@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import socket
 import threading
 import time
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from app.application import make_server
+from app.cli.serving import listen
 from app.jobs.launch import ProcessLauncher
 from app.settings import AppSettings
 
@@ -106,9 +106,7 @@ class Live:
 def serving(data_dir, *, launcher=None, **settings):
     """A server over a data directory.   launcher: what runs its jobs; None: a process each, for the jobs of fake_jobs."""
     chosen = AppSettings(data_dir=data_dir, **{"cancel_grace_s": 0.3, "min_free_bytes": 0, **settings})
-    bound = socket.socket()
-    bound.bind(("127.0.0.1", 0))
-    bound.listen(128)
+    bound = listen("127.0.0.1", 0)
     server = make_server(chosen, launcher=launcher or ProcessLauncher(FAKE_JOBS))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [bound]}, daemon=True)
     thread.start()
