@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from calib_core.events import ignore_event, never_cancel
-from calib_core.full.initialise.begin import begin as follow_planes
-from calib_core.full.initialise.begin import lidar_track
 from calib_core.full.initialise.initialise import initialise
+from calib_core.full.initialise.lidar_motion import begin as follow_planes
+from calib_core.full.initialise.lidar_motion import lidar_track
 from calib_core.full.initialise.settings import LAGS
 from calib_core.full.initialise.time_offset import GyroTurns, masked_correlation, turns_of
-from calib_core.full.joint.begin import begin
 from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.solve import estimate_jointly
 from calib_core.full.odometry.reference import Followed

@@ -20,9 +20,9 @@ import numpy as np
 from calib_core import api
 from calib_core.errors import Refused
 from calib_core.events import Event, LogEvent, never_cancel
-from calib_core.full.initialise.begin import begin as follow_planes
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.joint.begin import begin
+from calib_core.full.initialise.lidar_motion import begin as follow_planes
+from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.solve import STEPS, estimate_jointly

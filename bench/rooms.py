@@ -32,8 +32,8 @@ from bench.tables import append_row
 from calib_core import api
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
-from calib_core.full.initialise.begin import begin
 from calib_core.full.initialise.initialise import initialise
+from calib_core.full.initialise.lidar_motion import begin
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings

@@ -54,7 +54,7 @@ if TYPE_CHECKING:
     from calib_core.calibrate import Calibration
     from calib_core.doctor.report import DoctorReport, OnReport
     from calib_core.full.assess.own_errors import Lasers
-    from calib_core.full.foresight import Foresight
+    from calib_core.full.forecast_by_choice import Foresight
     from calib_core.full.known_extrinsic import HeldMotion
     from calib_core.maps.files import StructArray
     from calib_core.maps.room import Room
@@ -137,7 +137,7 @@ def foresight(cache_dir: Path) -> Foresight | None:
 
     cache_dir: as it was given to `inspect`.   None where no `inspect` has kept a forecast there.
     """
-    from calib_core.full.foresight import kept_foresight
+    from calib_core.full.forecast_by_choice import kept_foresight
 
     return kept_foresight(cache_dir)
 

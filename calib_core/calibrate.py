@@ -12,21 +12,21 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.asked import check_priors, each_once, say_unused, with_offset_to_hold
-from calib_core.broken_in_two import SILENT, agrees_with_itself, break_of, disagrees
-from calib_core.counts import counted
 from calib_core.document import document, refused
 from calib_core.errors import Refused, SettingsError
 from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCancel, ignore_event, never_cancel
+from calib_core.final_messages import since_the_start, with_cause, with_doubts_settled
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.clock_skew import RATE, ClockSkew, without_skew
 from calib_core.full.planes.propose import find_reference
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare, require_length
-from calib_core.hindsight import since_the_start, with_cause, with_doubts_settled
 from calib_core.maps.crispness import crispness_of
 from calib_core.message_log import MessageLog
 from calib_core.method import Answer, Question
+from calib_core.phrasing import counted
+from calib_core.recording_break import SILENT, agrees_with_itself, break_of, disagrees
+from calib_core.request import check_priors, each_once, say_unused, with_offset_to_hold
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.broken_down import arithmetic_or_refused

@@ -9,7 +9,6 @@ import numpy as np
 
 from calib_core.geometry import euler_xyz_deg, quaternion_xyzw, transform_matrix
 from calib_core.method import Answer
-from calib_core.pace import rate_hz
 from calib_core.result import (
     CalibrationResult,
     Message,
@@ -21,6 +20,7 @@ from calib_core.result import (
     Uncertainty,
 )
 from calib_core.settings import CalibrateSettings
+from calib_core.stamp_rate import rate_hz
 from calib_core.types import Recording
 
 

@@ -24,10 +24,10 @@ from calib_core.contradictions import (
 )
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
-from calib_core.misfits import misfit
 from calib_core.result import RESULT_SCHEMA, CalibrationResult
 from calib_core.settings import FARTHEST_S, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane
+from calib_core.validation_messages import misfit
 
 #: An outline's corners lie in their plane, but for digits left out.
 OUTLINE_OFF_PLANE_M = 0.05

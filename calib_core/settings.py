@@ -169,7 +169,7 @@ class CalibrateSettings(_Settings):
         return spans_s
 
 
-#: What `method="paper"` obeys; everything else is the default method's, and said to have no effect (`asked.py`). Of an IMU's
+#: What `method="paper"` obeys; everything else is the default method's, and said to have no effect (`request.py`). Of an IMU's
 #: noise it takes the range's alone.
 OBEYED_BY_PAPER = frozenset(
     {

@@ -65,7 +65,7 @@ RECORDS = (
     ("initialise", "calib_core/full/initialise/settings.py", "Linear"),
     ("initialise", "calib_core/full/initialise/settings.py", "Signs"),
     ("initialise", "calib_core/full/initialise/settings.py", "Upright"),
-    ("joint", "calib_core/full/joint/begin.py", "Beginning"),
+    ("joint", "calib_core/full/joint/first_estimate.py", "Beginning"),
     ("joint", "calib_core/full/joint/policies.py", "Round"),
     ("joint", "calib_core/full/joint/policies.py", "Sampling"),
     ("joint", "calib_core/full/joint/policies.py", "Propagation"),

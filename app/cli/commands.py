@@ -19,8 +19,8 @@ from app.cli.terminal import Manner, choose_manner, listener
 from app.process import forget_stdout
 from app.storage.atomic import check_writable, write_text
 from calib_core import api
-from calib_core.counts import counted
 from calib_core.errors import InputError
+from calib_core.phrasing import counted
 from calib_core.result import CalibrationResult
 
 if TYPE_CHECKING:
@@ -78,8 +78,8 @@ def inspect(chosen: argparse.Namespace) -> None:
 
 def calibrate(chosen: argparse.Namespace) -> None:
     """Calibrate, write the result, sum it up for a person. Raises Refused after a refused result is written."""
-    from app.cli.choosing import load_asking
     from app.cli.summary import refusal
+    from app.cli.topic_choice import load_asking
 
     solving = options.solve_settings(chosen)
     planes = None if chosen.planes is None else api.read_planes(chosen.planes)
@@ -137,7 +137,7 @@ def _result_kept(output: Path | None) -> Iterator[None]:
 
 def calibrate_many(chosen: argparse.Namespace) -> None:
     """Calibrate every recording of a folder or a list. Raises Refused where some have no document in the end."""
-    from app.cli.many import calibrate_all, without_document
+    from app.cli.calibrate_many import calibrate_all, without_document
 
     rows = calibrate_all(chosen, options.read_settings(chosen), options.solve_settings(chosen), _manner(chosen))
     sentence = without_document(rows)
@@ -168,7 +168,7 @@ def deskew(chosen: argparse.Namespace) -> None:
 def audit(chosen: argparse.Namespace) -> None:
     """Hold an extrinsic against a recording; the report to stdout. Raises Failed, or Refused where nothing is decided."""
     from app.cli.audit_report import audit_block
-    from app.cli.choosing import load_asking
+    from app.cli.topic_choice import load_asking
 
     limits = None if chosen.limits is None else api.read_limits(chosen.limits)
     reading, manner = options.read_settings(chosen), _manner(chosen)
@@ -260,7 +260,7 @@ def _write_report(
     spans_s: Sequence[tuple[float, float]],
 ) -> None:
     """The page to print, with everything that is measured beside a result.   spans_s: that its solve left out."""
-    from app.results.beside import measure_beside
+    from app.results.companions import measure_beside
     from app.results.report import report_page
 
     result, trajectory = done

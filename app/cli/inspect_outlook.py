@@ -8,12 +8,12 @@ from rich.table import Table
 from rich.text import Text
 
 from app.cli.terminal import error_bar
-from calib_core.counts import counted
 from calib_core.doctor.report import (
     Forecast,
     ParameterForecast,
     PlanesReport,
 )
+from calib_core.phrasing import counted
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.sigmas import std_cell, tells_nothing
 

@@ -8,7 +8,6 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from calib_core.counts import counted
 from calib_core.doctor.report import (
     DoctorReport,
     ExcitationReport,
@@ -18,6 +17,7 @@ from calib_core.doctor.report import (
     Span,
     StampReport,
 )
+from calib_core.phrasing import counted
 
 _UNITS = {"m_s2": "m/s²", "rad_s": "rad/s", "deg_s": "deg/s"}
 _BLOCKS = " ▁▂▃▄▅▆▇█"

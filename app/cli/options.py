@@ -14,7 +14,6 @@ from pydantic import ValidationError
 from calib_core.api import read_imu_noise
 from calib_core.errors import SettingsError
 from calib_core.intrinsics import UNITS, Block
-from calib_core.misfits import misfit
 from calib_core.presets import named_imu, named_lidar
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
@@ -28,6 +27,7 @@ from calib_core.settings import (
     ReadSettings,
     gravity_at_latitude_m_s2,
 )
+from calib_core.validation_messages import misfit
 
 Method = Literal["full", "paper"]
 Intrinsics = Literal["auto", "consider", "off"] | tuple[Block, ...]

@@ -20,7 +20,7 @@ from app.kernels import compile_in_background, end
 from app.logs import log_to_stderr
 from app.settings import AppSettings
 from calib_core.errors import InputError
-from calib_core.misfits import misfit
+from calib_core.validation_messages import misfit
 
 
 def serve_until_stopped(

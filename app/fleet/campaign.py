@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from app.fleet.executors import Executor
-from app.fleet.made_of import Stored, stored
 from app.fleet.orders import OTHER_VERSION, TRIES, FleetOrder, FleetOutcome
+from app.fleet.provenance import Stored, stored
 from app.fleet.summary import Row, add_row, documented, read_rows, row_of, write_rows
 from app.storage.atomic import write_text
 from calib_core.errors import InputError

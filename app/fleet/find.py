@@ -9,8 +9,8 @@ from pathlib import Path
 
 from app.recordings.folder import is_recording_file, is_recording_folder
 from app.storage.files import SUFFIXES
-from calib_core.counts import counted
 from calib_core.errors import InputError
+from calib_core.phrasing import counted
 
 _COMPRESSED = (".gz", ".zst", ".zstd")
 

@@ -25,7 +25,7 @@ class FleetOrder(BaseModel):
     solving: CalibrateSettings = CalibrateSettings()
     planes: Path | None = None
     initial_guess: Path | None = None
-    asked: str = Field(default="{}", description="what its document will not say that it was made with (made_of.py)")
+    asked: str = Field(default="{}", description="what its document will not say that it was made with (provenance.py)")
     time_limit_s: float | None = Field(default=None, gt=0)
     memory_bytes: int | None = Field(default=None, gt=0)
 

@@ -15,8 +15,8 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from app.fleet.made_of import CHANGED, Stored, differing_options, is_same_recording, stored
 from app.fleet.orders import FleetOrder, FleetOutcome
+from app.fleet.provenance import CHANGED, Stored, differing_options, is_same_recording, stored
 from app.results.verdict import told, tone
 from app.storage.atomic import write_text
 from calib_core.errors import InputError
@@ -31,7 +31,7 @@ class Row(BaseModel):
     translation along the IMU's. The answer is T_imu_lidar, its angles those of R = Rz(yaw) Ry(pitch) Rx(roll).
 
     code, sentence: why a recording was refused or has no document; sentence also of an answer that anything speaks against.
-    asked, recording_bytes, recording_written_ns: what made_of.py compares; empty where nobody knew.
+    asked, recording_bytes, recording_written_ns: what provenance.py compares; empty where nobody knew.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

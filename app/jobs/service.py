@@ -1,6 +1,7 @@
 """Jobs: queue fairly, run N at once, cancel, survive restarts. Thread-safe; one supervising thread per running job.
 
-states.py has what state each is in, line.py who waits where; here is what can be done with them, and how one is seen through.
+states.py has what state each is in, waiting_line.py who waits where; here is what can be done with them, and how one is seen
+through.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
 from app.events import QueueMoved
 from app.jobs.client import ASKING
 from app.jobs.journal import number_of
-from app.jobs.kept import answering, telling
 from app.jobs.launch import Launcher
-from app.jobs.line import Line
 from app.jobs.log import JobLogs
-from app.jobs.machine import FINAL, IllegalTransition
 from app.jobs.orders import Failed, Finished, Order, OrderedPlane, Parcel, Stopped, StoredRequest
 from app.jobs.processes import Processes
+from app.jobs.state_machine import FINAL, IllegalTransition
 from app.jobs.states import JobStates
+from app.jobs.stored_parts import answering, telling
+from app.jobs.waiting_line import Line
 from app.jobs.wire import DIED, STOPPED, too_long
 from app.logs import about
 from app.schemas.jobs import Job, JobKind, JobMessage, JobState, PlaneLook

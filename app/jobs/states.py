@@ -1,4 +1,4 @@
-"""What state each job is in: the store has the truth, machine.py says what may follow, logs and bus are told of every change.
+""".
 
 Progress lives in memory: it is worth nothing after a restart.
 """
@@ -14,11 +14,11 @@ from app.bus import Bus
 from app.errors import NotFound
 from app.events import JobMoved, JobSaid, JobStepped
 from app.jobs.journal import Journal
-from app.jobs.kept import request_of
-from app.jobs.line import Line
 from app.jobs.log import JobLogs
-from app.jobs.machine import FINAL, Signal, transition
 from app.jobs.orders import OrderedPlane
+from app.jobs.state_machine import FINAL, Signal, transition
+from app.jobs.stored_parts import request_of
+from app.jobs.waiting_line import Line
 from app.jobs.wire import Progress, job_of
 from app.schemas.jobs import Job, JobState, JobStateEvent, PlaneLook
 from app.storage.records import JobRecord, RecordingChanges

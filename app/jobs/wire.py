@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from app.jobs.kept import error_of, outcome_of, request_of
-from app.jobs.machine import sentence_of
+from app.jobs.state_machine import sentence_of
+from app.jobs.stored_parts import error_of, outcome_of, request_of
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import Job, PlaneLook
 from app.storage.records import JobRecord

@@ -1,9 +1,9 @@
 """What is foreseen of the least known axis with the planes that are confirmed.
 
 The doctor's forecast holds for the planes it found. By what its standard deviations grow without some of them is told by the
-forecast's own problem (calib_core/full/foresight.py): they never shrink where a plane is left out, which a measure of how evenly
-directions are spread would. A plane that boxes cut counts by what they leave of its outline. A plane that was grown by hand was
-not foreseen, and adds nothing.
+forecast's own problem (calib_core/full/forecast_by_choice.py): they never shrink where a plane is left out, which a measure of
+how evenly directions are spread would. A plane that boxes cut counts by what they leave of its outline. A plane that was grown by
+hand was not foreseen, and adds nothing.
 """
 
 from __future__ import annotations

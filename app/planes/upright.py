@@ -15,7 +15,7 @@ import numpy as np
 
 from app.planes.state import EditedPatch, PlaneHistory, PlaneSet
 from calib_core.doctor.report import Forecast, PlanesReport
-from calib_core.kinds import PLAIN_NAME, kind_of, names_of, next_name
+from calib_core.plane_kinds import PLAIN_NAME, kind_of, names_of, next_name
 from calib_core.types import FloatArray, PlaneProposals
 
 #: A sample and the whole scans gave the same plane to about this: noise of 20 mm over a patch of half a metre.

@@ -1,4 +1,4 @@
-"""Recordings: opening, changing, deleting. How they come here is in arriving.py; work on them is the workflow's."""
+"""Recordings: opening, changing, deleting. How they come here is in arrivals.py; work on them is the workflow's."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from app.storage.records import RecordingChanges, RecordingRecord
 from app.storage.sizes import tree_size
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
-from calib_core.misfits import misfit
 from calib_core.settings import ReadSettings
+from calib_core.validation_messages import misfit
 
 _LOG = logging.getLogger("unsweep")
 #: The document that a person writes.

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.results.chance import zero_crossings_told
+from app.results.agreement import zero_crossings_told
 from app.results.scans import GATE_M as SCAN_GATE_M
 from app.schemas.evidence import Binned, ImuComparison, Picture, Step
 from app.schemas.results import ScanQuality, Thickness

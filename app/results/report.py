@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from app.results import captions, plot_parts, plots
-from app.results.beside import Beside
-from app.results.chance import PLANES, RANGES, STRETCHES
+from app.results.agreement import PLANES, RANGES, STRETCHES
+from app.results.companions import Beside
 from app.results.sensors import kinds_of
 from app.results.verdict import HEADINGS, disagreeing, offset_holds, rests_on, sigma_of_offset, told, tone
 from app.schemas.evidence import Evidence

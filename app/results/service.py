@@ -11,11 +11,11 @@ from fastapi import Response
 from pydantic import BaseModel, ValidationError
 
 from app.errors import BadRequest, Conflict
-from app.jobs.machine import SENTENCES
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
-from app.results.beside import Beside
+from app.jobs.state_machine import SENTENCES
 from app.results.command import Found, command_of, found_by
+from app.results.companions import Beside
 from app.results.report import report_page
 from app.schemas.common import ErrorFacts
 from app.schemas.evidence import Evidence

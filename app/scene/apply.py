@@ -13,7 +13,7 @@ from app.scene.aim import Stage, Stand, hidden, stand, wall_of
 from app.scene.camera import camera_of
 from app.scene.cutaway import pieces
 from app.scene.cycle import Cycle, pierced
-from app.scene.doorless import DoorlessViser, leaving
+from app.scene.embedded_viser import DoorlessViser, leaving
 from app.scene.items import WHOLE_ROOM, Axes, Cloud, Content, Edges, Floor, Item, Label, Line, Sheet, fingerprint
 from app.scene.nodes import Put, put
 from app.scene.readout import read_out

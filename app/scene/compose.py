@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from app.errors import ApiError
-from app.jobs.kept import error_of
-from app.jobs.machine import FINAL
 from app.jobs.service import JobService
+from app.jobs.state_machine import FINAL
+from app.jobs.stored_parts import error_of
 from app.planes.service import PlaneService
 from app.scene.aim import Stage
 from app.scene.build import Solved, build_first, build_planes, build_straightened, build_unsolved, empty, solved_stage

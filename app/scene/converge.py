@@ -19,8 +19,8 @@ from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
 from app.scene.items import Axes, Cloud, Content, breadth_m, frame_names, point_size_m
 from app.schemas.results import Thickness
 from calib_core import api
-from calib_core.counts import counted
 from calib_core.events import IterationEvent, SweepMotion
+from calib_core.phrasing import counted
 from calib_core.types import Float32Array, FloatArray, Recording, Trajectory
 
 #: Walls are taken as what lies this near to a plane when the thickness in the caption is worked out.

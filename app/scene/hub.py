@@ -1,6 +1,6 @@
 """Views and their scenes: what is wished, what is shown of it, and what clicks and drags in the canvas do.
 
-One viser server per recording that is looked at (opened.py), shared by all browsers, closed when idle.
+One viser server per recording that is looked at (open_scenes.py), shared by all browsers, closed when idle.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from app.events import ClickWasRefused, ViewEdited
 from app.planes.service import PlaneService
 from app.scene.apply import ShownScene, warm_up
 from app.scene.compose import Composed, Composer
-from app.scene.opened import OpenScene, OpenScenes
+from app.scene.open_scenes import OpenScene, OpenScenes
 from app.scene.picking import pick
 from app.scene.tabs import Tabs
 from app.scene.throttle import Throttle

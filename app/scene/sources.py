@@ -21,9 +21,9 @@ from app.arrays.recording import has_recording, read_recording, recording_arrays
 from app.arrays.surface import SURFACE, Surface, read_surface
 from app.arrays.trajectory import TRAJECTORY, read_trajectory
 from app.errors import ApiError
-from app.jobs.kept import readable_request
 from app.jobs.orders import StoredRequest
 from app.jobs.service import JobService
+from app.jobs.stored_parts import readable_request
 from app.locks import NamedLocks
 from app.scene.build import Solved
 from app.schemas.results import Thickness

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from app.jobs.kept import error_of, outcome_of
-from app.jobs.machine import FINAL, SENTENCES
+from app.jobs.state_machine import FINAL, SENTENCES
+from app.jobs.stored_parts import error_of, outcome_of
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import JobKind, JobState, SimulateOutcome
 from app.schemas.recordings import RecordingState

@@ -17,7 +17,7 @@ from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from app.settings import AppSettings
 from calib_core.errors import UnsweepError
-from calib_core.misfits import misfit
+from calib_core.validation_messages import misfit
 
 #: The disk is full, or the share of it that this user may have.
 FULL = frozenset({errno.ENOSPC, errno.EDQUOT})

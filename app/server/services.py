@@ -25,9 +25,9 @@ from app.events import (
 from app.jobs.launch import Launcher, ProcessLauncher
 from app.jobs.service import JobService
 from app.planes.service import PlaneService
-from app.recordings.arriving import Arrivals
+from app.recordings.arrivals import Arrivals
 from app.recordings.folder import RecordingsFolder
-from app.recordings.keeping import Keeping
+from app.recordings.retention import Keeping
 from app.recordings.service import RecordingService
 from app.results.service import ResultService
 from app.scene.compose import Composer

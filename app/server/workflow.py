@@ -9,10 +9,10 @@ from contextlib import suppress
 from app.bus import Bus
 from app.errors import ApiError, Conflict
 from app.events import JobMoved, JobSaid, RecordingArrived, SampleWanted, ShownChanged
-from app.jobs.kept import UNREADABLE, readable_request
-from app.jobs.machine import FINAL
 from app.jobs.orders import Order, StoredRequest
 from app.jobs.service import JobService
+from app.jobs.state_machine import FINAL
+from app.jobs.stored_parts import UNREADABLE, readable_request
 from app.limits import JobLimits
 from app.planes.service import PlaneService
 from app.recordings.service import reading_of

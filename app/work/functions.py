@@ -26,7 +26,7 @@ from app.arrays.trajectory import TRAJECTORY, read_trajectory, write_trajectory
 from app.compiling import compiling_told
 from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import SAMPLE_SEED, Order, OrderedPlane
-from app.results.beside import measure_beside
+from app.results.companions import measure_beside
 from app.results.evidence import StepListener
 from app.results.thickness import spread
 from app.results.verdict import solve_outcome
@@ -36,10 +36,10 @@ from app.storage.atomic import put_in_place
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
 from calib_core import api
-from calib_core.counts import counted
 from calib_core.doctor.report import DoctorReport
 from calib_core.errors import Cancelled, InputError
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent
+from calib_core.phrasing import counted
 from calib_core.types import InitialGuess, Plane, PlaneProposals, Recording
 
 #: A surface is laid through so many scans, thinned to voxels of this edge, and drawn with so many triangles.

@@ -21,6 +21,6 @@ with suppress(Exception):
         "calib_core.full.odometry.reference_cloud",
         "calib_core.doctor.examine",
         "calib_core.doctor.outlook",
-        "calib_core.full.foresight",
+        "calib_core.full.forecast_by_choice",
     ):
         importlib.import_module(_name)

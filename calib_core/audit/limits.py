@@ -9,8 +9,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from calib_core.errors import SettingsError
 from calib_core.input_files import json_text
-from calib_core.misfits import misfit
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
+from calib_core.validation_messages import misfit
 
 _Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 _Three = Annotated[tuple[_Positive, _Positive, _Positive], Field(strict=False)]

@@ -20,13 +20,13 @@ from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.container.wire import MalformedMessage
-from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.imu.messages import ImuCollector, RawImu
 from calib_core.readers.imu.readings import CleanedImu, clean_imu
+from calib_core.readers.mixed_lidars import Sender, require_one_lidar, sender_of, usual_frame
 from calib_core.readers.one_clock import longest_stretch, order_findings
 from calib_core.readers.reading import impossible_stamp, malformed_finding, sample_clouds
 from calib_core.readers.scans import OrderCounts, ScanCounts, make_scan, once_a_stamp
-from calib_core.readers.senders import Sender, require_one_lidar, sender_of, usual_frame
+from calib_core.readers.sweep_assembly import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming, scan_period_s
 from calib_core.readers.timing.stamps import plausible_stamps

@@ -38,7 +38,7 @@ from calib_core.settings import ReadSettings
 from calib_core.types import Finding, ImuData, IntArray
 
 if TYPE_CHECKING:
-    from calib_core.full.foresight import Foresight
+    from calib_core.full.forecast_by_choice import Foresight
 
 
 def inspect(
@@ -53,7 +53,7 @@ def inspect(
     """Everything needed to know whether this recording can be calibrated.
 
     on_report: told what is known on the way: once some clouds are looked at, and once all is read, before the forecast is made.
-    cache_dir: folder for what tells how the forecast changes with the choice of planes (full/foresight.py).
+    cache_dir: folder for what tells how the forecast changes with the choice of planes (full/forecast_by_choice.py).
     Raises InputError only where the recording cannot be opened or the settings do not fit it.
     """
     on_event(StageEvent(stage="inspect", fraction=0.0, text=f"opening {path.name}"))
@@ -78,7 +78,7 @@ def inspect(
             on_report(_report(state, recording, sensors, final=False))
         ahead = _look_ahead(state, recording, settings, offset_ns, on_event, should_cancel)
         if cache_dir is not None:
-            from calib_core.full.foresight import keep_foresight
+            from calib_core.full.forecast_by_choice import keep_foresight
 
             keep_foresight(cache_dir, ahead.foresight)
         report = _report(state, recording, sensors, ahead)

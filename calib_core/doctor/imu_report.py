@@ -18,11 +18,11 @@ from calib_core.doctor.stillness import StillSpan, still_spans
 from calib_core.events import ignore_event
 from calib_core.full.prepare.imu_stamps import as_taken
 from calib_core.imu.clipping import clipped
-from calib_core.pace import GAP_PERIODS
 from calib_core.presets import GENERIC_IMU, find_imu_preset
 from calib_core.readers.imu.readings import CleanedImu
 from calib_core.readers.imu.units import usual_norm
 from calib_core.settings import CalibrateSettings
+from calib_core.stamp_rate import GAP_PERIODS
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray, Recording
 
 _REVERSAL_RAD_S = np.deg2rad(5.0)

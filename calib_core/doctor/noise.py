@@ -5,7 +5,7 @@ from __future__ import annotations
 from calib_core.doctor.report import ImuNoiseReport
 from calib_core.full.prepare.imu_noise import noise_of
 from calib_core.full.prepare.settings import LENGTH
-from calib_core.imu.coarse import resolution
+from calib_core.imu.quantisation import resolution
 from calib_core.presets import ImuPreset
 from calib_core.settings import ImuNoise
 from calib_core.types import ImuData

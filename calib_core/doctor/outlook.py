@@ -8,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.counts import joined
 from calib_core.doctor.report import Forecast, ParameterForecast, PlaneReport, PlanesReport
 from calib_core.doctor.sampling import SampledScans
 from calib_core.events import OnEvent, ShouldCancel, ignore_event, never_cancel
@@ -16,8 +15,9 @@ from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT, borne_out
 from calib_core.full.assess.weak_sentences import weak_directions
 from calib_core.full.forecast import NO_PLANES, Outlook, forecast
-from calib_core.full.planes.standing import SEEMS, Fault
-from calib_core.kinds import kind_of, names_of
+from calib_core.full.planes.plane_tests import SEEMS, Fault
+from calib_core.phrasing import joined
+from calib_core.plane_kinds import kind_of, names_of
 from calib_core.planes.segment import determinacy
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.sigmas import std_text

@@ -10,7 +10,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from calib_core.kinds import Kind
+from calib_core.plane_kinds import Kind
 from calib_core.settings import Axis, ImuNoise
 
 Verdict = Literal["good", "limited", "unusable"]

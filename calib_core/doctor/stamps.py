@@ -1,7 +1,7 @@
 """How regular a topic's stamps are: counted against the even row behind them, as a solve takes it.
 
 Step by step, a stamp that comes late looks like one that is missing: a step of 1.7 periods, and 0.3 after it. Lines through all
-of them (`imu/rows.py`) know which sample each stamp is of, and what is left of it is the jitter.
+of them (`imu/sample_rows.py`) know which sample each stamp is of, and what is left of it is the jitter.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import numpy as np
 
 from calib_core.doctor.report import StampReport
 from calib_core.imu.sampling import study_sampling
-from calib_core.pace import rate_hz
 from calib_core.readers.imu.readings import stamp_statistics
+from calib_core.stamp_rate import rate_hz
 from calib_core.types import IntArray
 
 #: A step of so many periods has lost a message: what is on no line may jitter by a half.

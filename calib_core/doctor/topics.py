@@ -9,11 +9,11 @@ import numpy as np
 
 from calib_core.doctor.examination import Examination
 from calib_core.doctor.report import ImuReport, LidarReport, TopicReport
-from calib_core.pace import rate_hz
 from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import TopicSummary
 from calib_core.readers.topics import CLOUD_TYPES, imu_topics, lidar_topics
+from calib_core.stamp_rate import rate_hz
 
 #: So many seconds tell a rate to a third of a per cent where messages are received 10 ms late now and then.
 WATCHED_S = 3.0

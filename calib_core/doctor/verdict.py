@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import sqrt
 
-from calib_core.counts import counted, joined
 from calib_core.doctor.report import Forecast, ImuReport, LidarReport, ParameterForecast, PlanesReport, Verdict
 from calib_core.errors import InputError
 from calib_core.imu.clipping import clipped_text, worse_sensor
+from calib_core.phrasing import counted, joined
 from calib_core.result import AXIS_WORDS, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.types import Finding
 

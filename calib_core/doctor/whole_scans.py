@@ -16,8 +16,8 @@ from calib_core.doctor.examination import Examination
 from calib_core.doctor.sampling import SampledScans
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.wire import MalformedMessage
-from calib_core.readers.gather import Gathering
 from calib_core.readers.scans import make_scan
+from calib_core.readers.sweep_assembly import Gathering
 from calib_core.settings import ReadSettings
 from calib_core.types import POINT_DTYPE, KeptScans, Scan
 

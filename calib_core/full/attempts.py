@@ -2,7 +2,7 @@
 
     answered                the whole; where data sheets promise too much of a sensor, again with wider priors of its parameters
       solve                 the joint estimation; where propagation spoils it, of the followed scans alone
-      judged, weighed       what of it is known; what shows only at the end (`assess/late.py`) is let in, and it goes on
+      judged, weighed       what of it is known; what shows only at the end (`assess/late_parameters.py`) is let in; on it goes
       with_sensors_held     where the sensors' own parameters run away: they are held first, and let go at the end
 
 What an attempt that led nowhere has said is taken back (`Run.attempt`).
@@ -16,21 +16,21 @@ from functools import partial
 
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
-from calib_core.full.assess.late import still_show, with_late_blocks
+from calib_core.full.assess.late_parameters import still_show, with_late_blocks
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.clock_rate import ClocksApart, may_stretch
-from calib_core.full.initialise.proposed import tracked
+from calib_core.full.initialise.proposed_planes import tracked
 from calib_core.full.initialise.settings import CLOCK_RATES
 from calib_core.full.initialise.start import LidarTrack, Start
-from calib_core.full.joint.begin import begin
 from calib_core.full.joint.bounds import SensorsAstray
-from calib_core.full.joint.choice import with_choice
-from calib_core.full.joint.doubt import require_sound_choice
+from calib_core.full.joint.data_sheets import beyond_by, beyond_sheets, say_beyond, without_sheet
+from calib_core.full.joint.doubtful_planes import require_sound_choice
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.kept_motion import KeptMotion
+from calib_core.full.joint.plane_choice import with_choice
 from calib_core.full.joint.schedule import FULL, Schedule
-from calib_core.full.joint.sheets import beyond_by, beyond_sheets, say_beyond, without_sheet
 from calib_core.full.joint.solve import estimate_chosen, estimate_further, estimate_jointly, motion_by_all
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run

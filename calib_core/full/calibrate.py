@@ -20,8 +20,8 @@ from calib_core.full.attempts import MotionByAll, Task, answered, motion_by_ever
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.kept_track import follow_or_recall, key_of
-from calib_core.full.initialise.proposed import choice_among, late_and_dropped, lost, named, own_and_merged
-from calib_core.full.joint.doubt import face_three_ways
+from calib_core.full.initialise.proposed_planes import choice_among, late_and_dropped, lost, named, own_and_merged
+from calib_core.full.joint.doubtful_planes import face_three_ways
 from calib_core.full.joint.kept_motion import KeptMotion, called_as
 from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY
 from calib_core.full.odometry.reference import Followed

@@ -25,29 +25,29 @@ from calib_core.full.assess.observability import Knowledge, assess
 from calib_core.full.assess.verdict import require_rotation
 from calib_core.full.assess.weak_sentences import Advice, advice
 from calib_core.full.clock_skew import without_skew
-from calib_core.full.foresight import Foresight, foresight
-from calib_core.full.initialise.begin import begin as follow_planes
+from calib_core.full.forecast_by_choice import Foresight, foresight
 from calib_core.full.initialise.initialise import initialise
+from calib_core.full.initialise.lidar_motion import begin as follow_planes
 from calib_core.full.initialise.start import LidarTrack, Start
-from calib_core.full.joint.begin import begin
-from calib_core.full.joint.doubt import face_three_ways, plane_doubts
+from calib_core.full.joint.doubtful_planes import face_three_ways, plane_doubts
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.moments import gather
 from calib_core.full.joint.plane_set import only_planes
 from calib_core.full.joint.policies import PlaneSet
-from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import associate, gathered, measure, survey
 from calib_core.full.joint.schedule import FORECAST
 from calib_core.full.joint.solve import admit_sensors, estimate_motion
 from calib_core.full.joint.state import CALIBRATION, ROTATION, TRANSLATION, Estimate
+from calib_core.full.joint.state_views import problem_of
 from calib_core.full.joint.undetermined import UNITS, data_information, undetermined
+from calib_core.full.odometry.distance_travelled import stood_text, travelled
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.odometry.travelled import stood_text, travelled
+from calib_core.full.planes.plane_tests import Fault, fault_of
 from calib_core.full.planes.propose import no_planes, scan_points
-from calib_core.full.planes.standing import Fault, fault_of
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.full.prepare.settings import SAMPLED
 from calib_core.full.run import Run

@@ -22,7 +22,7 @@ from calib_core.full.calibrate import calibrate_full
 from calib_core.full.clock_skew import without_skew
 from calib_core.full.initialise.initial_guess import HELD_REFUTED
 from calib_core.full.prepare.prepare import prepare, require_length
-from calib_core.imu.turned import turned_since
+from calib_core.imu.integrated_rotation import turned_since
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM
 from calib_core.maps.accumulate import covers
 from calib_core.method import Answer

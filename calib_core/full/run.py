@@ -13,8 +13,8 @@ import numpy as np
 from calib_core.errors import Cancelled
 from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, StageEvent
 from calib_core.gp.regression import Hyper
+from calib_core.imu.lost_readings import Restored
 from calib_core.imu.preintegration import NoiseDensity
-from calib_core.imu.restored import Restored
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM, Sensor
 from calib_core.message_log import MessageLog
 from calib_core.settings import CalibrateSettings
@@ -148,7 +148,7 @@ class Run:
     long to be the end of a blind zone.   sieve_m: edge of the voxels by which the clouds were thinned, 0 where they were not.
     restored: which readings were restored, None for none.
     threads: how many a stage may use.   portion: the part of the running stage that progress from 0 to 1 stands for now.
-    beyond_sheets: sensors that have shown not to be what their data sheets say, whose priors are wider (`joint/sheets.py`).
+    beyond_sheets: sensors that have shown not to be what their data sheets say, whose priors are wider (`joint/data_sheets.py`).
     clock_rate_std_ppm: by how much the clocks' rates may differ, or what is left of it where stamps were stretched
     (`clock_skew.py`).
     log: the result's messages, from which what an attempt has said can be taken back; None where there is no result, as in a

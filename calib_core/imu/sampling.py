@@ -9,8 +9,8 @@ its slope times tau. The regression of one on the other,
 
 over all channels says which: beta is 0 where only the stamps jitter, 1 where the sampling does. c is exact for cubics. It is
 asked of neighbours at 1, 2, 4 ... samples' distance, since the fast part of tau may be the stamps' and the slow part the
-sampling's. What is slower still it cannot tell, and lines (`rows.py`) do not take that away. Where the sensor is shaken faster
-than cubics follow, that decides nothing, and what shakes it is asked (`shaken.py`).
+sampling's. What is slower still it cannot tell, and lines (`sample_rows.py`) do not take that away. Where the sensor is shaken
+faster than cubics follow, that decides nothing, and what shakes it is asked (`sampling_jitter.py`).
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.imu.forecast import SPAN
-from calib_core.imu.rows import LATE_SHARE, LEAST, Row, even_rows, lasting
-from calib_core.imu.shaken import shaken_share
+from calib_core.imu.reading_prediction import SPAN
+from calib_core.imu.sample_rows import LATE_SHARE, LEAST, Row, even_rows, lasting
+from calib_core.imu.sampling_jitter import shaken_share
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Readings on either side that a slope is taken from, and neighbours on either side that a reading is expected from.

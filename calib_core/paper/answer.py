@@ -12,7 +12,7 @@ from calib_core.errors import Refused
 from calib_core.events import LogEvent
 from calib_core.full.assess.observability import assess
 from calib_core.full.assess.weak_sentences import weak_directions
-from calib_core.full.joint.begin import BEGINNING
+from calib_core.full.joint.first_estimate import BEGINNING
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.method import Answer, Question
 from calib_core.paper.calibrate import calibrate_paper

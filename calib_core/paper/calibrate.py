@@ -28,7 +28,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.counts import counted
 from calib_core.errors import Cancelled, Refused
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.paper import report
@@ -38,6 +37,7 @@ from calib_core.paper.problem import PaperState, covariance_of_calibration
 from calib_core.paper.records import FrontEnd, PaperOptions, PaperSolution
 from calib_core.paper.rounds import Round, expand, reweighted
 from calib_core.paper.solve import Descent, descend
+from calib_core.phrasing import counted
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.arrow import solve_arrow
 from calib_core.solver.system import ArrowSystem

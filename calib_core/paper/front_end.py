@@ -12,12 +12,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from calib_core.counts import counted
 from calib_core.errors import Cancelled
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.paper.plane_tracking import match_normals
 from calib_core.paper.records import FrontEnd, TrackedScan
 from calib_core.paper.scan_pose import rough_pose
+from calib_core.phrasing import counted
 from calib_core.planes.segment import PlaneFit, fit_plane, segment_planes
 from calib_core.planes.settings import SegmentSettings
 from calib_core.types import FloatArray, IntArray, Plane, Scan

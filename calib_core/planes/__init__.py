@@ -1,1 +1,1 @@
-"""Planes of one cloud (segment.py), and whether two planes are one (same.py)."""
+"""Planes of one cloud (segment.py), and whether two planes are one (same_plane.py)."""

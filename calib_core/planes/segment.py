@@ -21,7 +21,7 @@ import scipy
 
 from calib_core.geometry import plane_axes
 from calib_core.planes.kernels import band_kernel, support_kernel
-from calib_core.planes.same import same_place
+from calib_core.planes.same_plane import same_place
 from calib_core.planes.sample import evenly_spread
 from calib_core.planes.settings import SegmentSettings
 from calib_core.types import BoolArray, FloatArray

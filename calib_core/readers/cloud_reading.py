@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import CloudDecoder
-from calib_core.readers.rays import where_rays_meet
-from calib_core.readers.rows import by_rows
+from calib_core.readers.dual_returns import once_each
+from calib_core.readers.ray_origin import where_rays_meet
+from calib_core.readers.ring_by_elevation import by_rows
 from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.synthesise import point_timing
-from calib_core.readers.twice import once_each
 from calib_core.settings import ReadSettings
 from calib_core.types import Finding
 

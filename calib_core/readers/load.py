@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calib_core.counts import counted
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.phrasing import counted
 from calib_core.presets import find_imu_preset, find_lidar_preset
 from calib_core.readers.cloud_reading import cloud_reading
 from calib_core.readers.clouds.decoders import cloud_decoder
@@ -20,12 +20,12 @@ from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.packet_models import packet_model
 from calib_core.readers.container.fingerprint import recording_sha256
 from calib_core.readers.container.opening import OpenRecording, open_recording
-from calib_core.readers.gather import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.imu.readings import clean_imu
+from calib_core.readers.mixed_lidars import usual_frame
 from calib_core.readers.one_clock import on_one_clock
 from calib_core.readers.reading import Reading, damage_findings, sample_clouds, span_ns
 from calib_core.readers.scans import StoredScans
-from calib_core.readers.senders import usual_frame
+from calib_core.readers.sweep_assembly import Gathering, gathered_finding, lasting_ns, parts_of_a_scan
 from calib_core.readers.timing.clocks import HeaderTimes, examine_clocks
 from calib_core.readers.timing.point_time import last_point_after_header_s, scan_period_s
 from calib_core.readers.topics import as_before, choose_imu, choose_lidar

@@ -13,18 +13,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib_core.counts import counted
 from calib_core.errors import Cancelled, InputError, UnreadableRecording
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
+from calib_core.phrasing import counted
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import UNDECODABLE, CloudDecoder
 from calib_core.readers.container.opening import OpenRecording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
-from calib_core.readers.gather import Gathering
 from calib_core.readers.imu.messages import ImuCollector
+from calib_core.readers.mixed_lidars import Sender, require_one_lidar, sender_of
 from calib_core.readers.point_unit import require_metres
 from calib_core.readers.scans import ScanCounts, StoredScans, Written, make_scan
-from calib_core.readers.senders import Sender, require_one_lidar, sender_of
+from calib_core.readers.sweep_assembly import Gathering
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.stamps import plausible_stamps

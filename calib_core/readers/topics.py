@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from calib_core.counts import counted
 from calib_core.errors import TopicError
+from calib_core.phrasing import counted
 from calib_core.readers.clouds import livox, pointcloud2
 from calib_core.readers.clouds.packets import FOREIGN_PACKET_TYPES, PACKET_TYPES, unsupported_packets
 from calib_core.readers.container.storage import TopicSummary

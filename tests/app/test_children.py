@@ -75,7 +75,7 @@ def test_what_the_application_makes_ready_is_there_once_and_starts_no_threads():
         import app.work.ready
         status = Path("/proc/self/status").read_text().splitlines()
         needed = ["scipy.linalg", "scipy.spatial", "numba", "calib_core.full.joint.solve", "calib_core.doctor.examine",
-                  "calib_core.doctor.outlook", "calib_core.full.foresight"]
+                  "calib_core.doctor.outlook", "calib_core.full.forecast_by_choice"]
         print(json.dumps({
             "threads": next(line.split()[1] for line in status if line.startswith("Threads:")),
             "missing": [name for name in needed if name not in sys.modules],

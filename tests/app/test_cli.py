@@ -149,7 +149,7 @@ def test_a_report_that_fails_leaves_the_result_and_says_where(
         raise failure
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("app.results.beside.measure_beside", fails)
+    monkeypatch.setattr("app.results.companions.measure_beside", fails)
     out, report = tmp_path / "result.json", tmp_path / "report.html"
     assert cli.run(["calibrate", "room.bag", "--output", str(out), "--report", str(report)]) == exit_code
     assert CalibrationResult.model_validate_json(out.read_text()) == library.result

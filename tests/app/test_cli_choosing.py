@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from app.cli.choosing import load_asking
 from app.cli.terminal import Manner
+from app.cli.topic_choice import load_asking
 from calib_core import api
 from calib_core.errors import TopicError
 from calib_core.settings import ReadSettings

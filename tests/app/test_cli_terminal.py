@@ -35,7 +35,7 @@ from calib_core.doctor.report import (
     TopicReport,
 )
 from calib_core.events import IterationEvent, LogEvent, PlaneResidual, StageEvent
-from calib_core.kinds import kind_of
+from calib_core.plane_kinds import kind_of
 from calib_core.result import Message
 from calib_core.settings import ImuNoise
 from tests.core.exporters.results import make_result

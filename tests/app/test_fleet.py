@@ -15,8 +15,8 @@ from types import SimpleNamespace
 
 import pytest
 
+from app.cli import calibrate_many
 from app.cli import main as cli
-from app.cli import many
 from app.fleet.executors import LocalProcesses
 from app.fleet.orders import TRIES
 from app.fleet.summary import NAME, read_rows
@@ -142,7 +142,7 @@ def test_the_command_runs_what_is_asked_and_says_what_has_no_document(hall, monk
     """Mutations: exit 0 with a missing one; exit 3 with a refused one; run again in the second call; Ctrl-C keeps nothing; a
     page that is left as it was in the middle.
     """
-    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    monkeypatch.setattr(calibrate_many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
     listed, out = hall / "list.txt", hall / "out"
     listed.write_text("room.bag\nrefused.bag\n")
     command = ["calibrate-many", str(listed), "--output", str(out), "--workers", "2", "--log-json"]
@@ -167,7 +167,7 @@ def test_the_table_is_the_same_in_all_three_files_when_less_is_asked(hall, monke
     """The folder has the documents still. Oracle: the files, read back. Mutations: those not asked left out of JSON and page, or
     of the CSV; the JSON of the run before left where nothing can be run.
     """
-    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    monkeypatch.setattr(calibrate_many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
     listed, out = hall / "list.txt", hall / "out"
     for asked, more, code in (
         ("room weak refused", [], 0),
@@ -192,7 +192,7 @@ def test_a_second_command_for_a_folder_is_refused_while_the_first_is_at_work(hal
         "from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
         f"many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
     )
-    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    monkeypatch.setattr(calibrate_many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
     (hall / "list.txt").write_text("room.bag\nslow.bag\n")
     words = ["calibrate-many", str(hall / "list.txt"), "--output", str(hall / "out"), "--workers", "2", "--quiet"]
     with subprocess.Popen([sys.executable, "-c", script, *words], cwd=ROOT) as process:

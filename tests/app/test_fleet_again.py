@@ -11,12 +11,12 @@ import shutil
 import numpy as np
 import pytest
 
+from app.cli import calibrate_many
 from app.cli import main as cli
-from app.cli import many
 from app.fleet.campaign import ASIDE, take_up
 from app.fleet.executors import LocalProcesses
-from app.fleet.made_of import CHANGED, asked_beside, stored
 from app.fleet.orders import FleetOrder, FleetOutcome
+from app.fleet.provenance import CHANGED, asked_beside, stored
 from app.fleet.summary import NAME, add_row, read_rows, row_of
 from calib_core import api
 from calib_core.result import CalibrationResult
@@ -161,7 +161,7 @@ def test_recordings_that_lie_elsewhere_are_not_run_again(tmp_path, monkeypatch):
         ran.extend(order.name for order in asked)
         return []
 
-    monkeypatch.setattr(many, "run_fleet", runs)
+    monkeypatch.setattr(calibrate_many, "run_fleet", runs)
     for name in ("room", "hall"):
         documented_by(FleetOrder(name=name, recording=before / f"{name}.bag"), out, name.encode())
     command = ["calibrate-many", str(after), "--output", str(tmp_path / "moved"), "--quiet"]
@@ -186,7 +186,7 @@ def test_recordings_that_lie_elsewhere_are_not_run_again(tmp_path, monkeypatch):
 
 def test_it_is_said_how_many_are_run_again_and_why(hall, monkeypatch, capsys):
     """Mutations: said nothing; said where nothing is; the old document taken for the new one's."""
-    monkeypatch.setattr(many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
+    monkeypatch.setattr(calibrate_many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
     (hall / "list.txt").write_text("room.bag\nrefused.bag\n")
     command = ["calibrate-many", str(hall / "list.txt"), "--output", str(hall / "out")]
     assert cli.run(command) == cli.run(command) == 0

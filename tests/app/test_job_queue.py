@@ -7,8 +7,8 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
-from app.jobs.machine import sentence_of
 from app.jobs.queue import Ticket, Turns
+from app.jobs.state_machine import sentence_of
 
 asked = st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from("xy")), max_size=40)
 

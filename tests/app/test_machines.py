@@ -11,8 +11,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from app.jobs.machine import FINAL, IllegalTransition, transition
 from app.jobs.queue import Ticket, Turns
+from app.jobs.state_machine import FINAL, IllegalTransition, transition
 from app.storage.partial import Appender, PartialFile
 
 BYTES = st.binary(min_size=1, max_size=200)

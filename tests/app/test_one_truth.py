@@ -24,7 +24,7 @@ from app.planes.operations import apply
 from app.planes.state import PlaneSet, suggested
 from app.planes.strength import Strength, foreseen
 from app.planes.upright import Room
-from app.results.chance import zero_crossings_told
+from app.results.agreement import zero_crossings_told
 from app.results.command import command_of
 from app.results.report import report_page
 from app.results.verdict import CONTRADICTED, DISAGREEMENT, disagreeing, solve_outcome, verdict

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 from app.jobs.orders import StoredRequest
-from app.results import beside
+from app.results import companions
 from app.work import functions
 from calib_core.events import StageEvent
 from tests.app.support import world
@@ -21,7 +21,7 @@ def test_a_refused_solve_ends_at_the_stage_that_refused_it(monkeypatch, tmp_path
 
     monkeypatch.setattr(functions, "decoded", lambda *_: None)
     monkeypatch.setattr(functions.api, "calibrate", calibrate)
-    monkeypatch.setattr(beside, "measure_evidence", lambda *_: SimpleNamespace(model_dump_json=lambda: "{}"))
+    monkeypatch.setattr(companions, "measure_evidence", lambda *_: SimpleNamespace(model_dump_json=lambda: "{}"))
     order = order_of(tmp_path, "solve", request=StoredRequest())
     heard: list[StageEvent] = []
     outcome = functions.run_job(order, heard.append, lambda: False)

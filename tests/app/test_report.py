@@ -17,8 +17,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import binom
 
-from app.results import captions, chance, plot_parts, plots
-from app.results.beside import Beside
+from app.results import agreement, captions, plot_parts, plots
+from app.results.companions import Beside
 from app.results.evidence import CORNER_SIDE_M, StepListener, densest, measure_evidence
 from app.results.imu_evidence import compare_imu, imu_motion
 from app.results.report import SETTINGS, report_page
@@ -213,7 +213,7 @@ def test_parts_that_say_nothing_do_not_press_the_others_flat():
     assert plot_parts.reach(shift, std) == pytest.approx(1.1 * 3.5)
     assert looks["time offset"][1].shape == (8, 1)
     # Of each stretch the position along y is 2 mm off with a bar of 1 mm; all others are within theirs.
-    assert chance.crossing_zero(blocks) == (8 * 6, 8 * 7)
+    assert agreement.crossing_zero(blocks) == (8 * 6, 8 * 7)
     assert "48 of 56 bars do, as noise has it." in captions.time_blocks(blocks)
     # The page shows what is served: mutation: none, or of the planes.
     answered = world.make_result().model_copy(update={"evidence": world.make_evidence()})
@@ -227,13 +227,13 @@ def test_it_is_said_whether_as_many_bars_cross_zero_as_should():
     """
     for bars in (7, 21, 56, 140):
         fewest = int(binom.ppf(0.01, bars, 0.6827))
-        told = [chance.as_chance_has(crossing, bars) for crossing in (fewest - 1, fewest, bars)]
+        told = [agreement.as_chance_has(crossing, bars) for crossing in (fewest - 1, fewest, bars)]
         assert told == ["fewer than noise explains", "few, which noise alone may come to", "as noise has it"]
         usual = int(binom.ppf(0.16, bars, 0.6827))
-        told = [chance.as_chance_has(crossing, bars) for crossing in (usual - 1, usual)]
+        told = [agreement.as_chance_has(crossing, bars) for crossing in (usual - 1, usual)]
         assert told == ["few, which noise alone may come to", "as noise has it"]
-    assert chance.as_chance_has(38, 56) == "as noise has it"
-    assert chance.as_chance_has(29, 56) == "fewer than noise explains"
+    assert agreement.as_chance_has(38, 56) == "as noise has it"
+    assert agreement.as_chance_has(29, 56) == "fewer than noise explains"
 
 
 def test_every_axis_has_three_ticks_however_low(beside):

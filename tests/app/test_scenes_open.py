@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from app.scene.opened import OpenScene, OpenScenes
+from app.scene.open_scenes import OpenScene, OpenScenes
 
 
 def scene():

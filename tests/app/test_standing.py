@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 import pytest
 
-from app.jobs.kept import answering, telling
+from app.jobs.stored_parts import answering, telling
 from app.results.verdict import solve_outcome
 from app.scene.compose import raw_note
 from app.schemas.jobs import JobKind, JobState

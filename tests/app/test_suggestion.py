@@ -15,7 +15,7 @@ from app.work import functions
 from calib_core import api
 from calib_core.errors import Cancelled
 from calib_core.full.assess import doubtful_choice
-from calib_core.full.joint import doubt
+from calib_core.full.joint import doubtful_planes
 from calib_core.full.joint.estimation import MapPlane
 from calib_core.settings import ReadSettings
 from calib_core.types import Plane
@@ -28,18 +28,18 @@ def test_what_was_doubtful_while_gates_were_wide_is_named_but_refuses_nothing(mo
     lost; said of a plane that nobody chose; refused for what is no fault at the end.
     """
     heard: list[str] = []
-    monkeypatch.setattr(doubt, "plane_doubts", lambda *_: np.zeros((3, 3)))
+    monkeypatch.setattr(doubtful_planes, "plane_doubts", lambda *_: np.zeros((3, 3)))
     monkeypatch.setattr(doubtful_choice, "standings", lambda *_: [None] * 3)
     monkeypatch.setattr(doubtful_choice, "doubts", lambda _: np.zeros((3, 3)))
     monkeypatch.setattr(doubtful_choice, "is_mostly_bent", lambda _: False)
     monkeypatch.setattr(doubtful_choice, "plane_residuals", lambda *_: [(0.01, 100)] * 3)
-    for module in (doubt, doubtful_choice):
+    for module in (doubtful_planes, doubtful_choice):
         monkeypatch.setattr(module, "fault_of", lambda _: "")
     run = SimpleNamespace(say=lambda level, code, text: heard.append(code))
     planes = [MapPlane("floor", fault=then), MapPlane("wall 1"), MapPlane("wall 2", fault=then, chosen=True)]
     estimate = SimpleNamespace(p_imu_lidar=np.zeros(3), normals=np.eye(3))
     solved = SimpleNamespace(problem=None, estimate=estimate, planes=planes)
-    doubt.require_sound_choice(solved)  # type: ignore[arg-type]
+    doubtful_planes.require_sound_choice(solved)  # type: ignore[arg-type]
     doubtful_choice.say_doubtful_choice(run, solved)  # type: ignore[arg-type]
     assert heard == (["planes.doubted"] if then else [])
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from app.cli import commands, many
+from app.cli import calibrate_many, commands
 from app.cli.parser import build_parser
 from calib_core import api
 from tests.core.exporters.results import make_result
@@ -86,7 +86,7 @@ def words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, list[str
     monkeypatch.setattr("app.cli.audit_report.audit_block", lambda *_: "")
     monkeypatch.setattr("app.cli.inspect_report.report_block", lambda *_: "")
     monkeypatch.setattr("app.kernels.note_path", lambda: tmp_path)
-    monkeypatch.setattr(many, "run_fleet", lambda *_: [])
+    monkeypatch.setattr(calibrate_many, "run_fleet", lambda *_: [])
     (tmp_path / "room.bag").touch()
     out = str(tmp_path / "out")
     return {

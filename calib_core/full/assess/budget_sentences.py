@@ -1,6 +1,6 @@
 """What a person is told of the error budget's parts, where they are worth a sentence (error_budget.py has which says which).
 
-Of sensors that were only counted shifts.py tells, beside their values.
+Of sensors that were only counted unestimated_shifts.py tells, beside their values.
 """
 
 from __future__ import annotations

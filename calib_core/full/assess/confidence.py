@@ -22,7 +22,7 @@ from calib_core.full.assess.disagreement import (
     unexplained_variance,
 )
 from calib_core.full.assess.error_budget import ErrorBudget, in_scaled
-from calib_core.full.assess.given import Contradiction, contradictions, held_contradictions, say_contradictions
+from calib_core.full.assess.given_values import Contradiction, contradictions, held_contradictions, say_contradictions
 from calib_core.full.assess.observability import Knowledge, assess
 from calib_core.full.joint.by_laser import ByLaser, by_laser
 from calib_core.full.joint.estimation import Solved

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from calib_core.full.assess.settings import PLAUSIBLE
-from calib_core.full.joint.doubt import standings
+from calib_core.full.joint.doubtful_planes import standings
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import plane_residuals
-from calib_core.full.planes.standing import WORDS, doubts, fault_of, is_mostly_bent
+from calib_core.full.planes.plane_tests import WORDS, doubts, fault_of, is_mostly_bent
 from calib_core.full.run import Run
 
 

@@ -5,7 +5,7 @@
                     known beforehand
     considered      parameters of the sensors that were held though they    considered.py          sensor.considered
                     are not known exactly
-    shapes          bends of planes that would not come to rest: as far     joint/surface.py       planes.shape
+    shapes          bends of planes that would not come to rest: as far     joint/bent_surfaces.py       planes.shape
                     as the answer went with them
     disagreement    what parts of the recording contradict one another      disagreement.py        solve.disagreement
                     about by more than noise explains

@@ -11,7 +11,7 @@ from calib_core.full.assess.gyroscope import gyroscope_covariance
 from calib_core.full.assess.observability import assess
 from calib_core.full.assess.sensor_sentences import sentences
 from calib_core.full.assess.settings import WORDING
-from calib_core.full.assess.shifts import shift_of
+from calib_core.full.assess.unestimated_shifts import shift_of
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.state import ROTATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.prepare.nuisance import SIZE_EFFECT, priors_of, sensor_block

@@ -7,7 +7,7 @@ import numpy as np
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence, confidence
 from calib_core.full.assess.doubtful_choice import say_doubtful_choice
-from calib_core.full.assess.given import PLANES
+from calib_core.full.assess.given_values import PLANES
 from calib_core.full.assess.gyroscope import gyroscope_axes
 from calib_core.full.assess.materials import told_materials
 from calib_core.full.assess.observability import Knowledge
@@ -15,9 +15,9 @@ from calib_core.full.assess.parts import parts_of
 from calib_core.full.assess.plausibility import gravity_std, implausible
 from calib_core.full.assess.sensors import sensor_findings, told_cost
 from calib_core.full.assess.settings import PLAUSIBLE
-from calib_core.full.assess.shifts import told_considered
+from calib_core.full.assess.unestimated_shifts import told_considered
 from calib_core.full.assess.weak_sentences import advice, weak_directions
-from calib_core.full.initialise.profile import offset_profile
+from calib_core.full.initialise.offset_profile import offset_profile
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.residuals import plane_residuals

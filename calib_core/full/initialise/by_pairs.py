@@ -16,15 +16,15 @@ import numpy as np
 
 from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import Agreement, agreement_of
-from calib_core.full.initialise.felt import GyroTurning
+from calib_core.full.initialise.inertial_motion import GyroTurning
 from calib_core.full.initialise.rotation import fit_lags
 from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.start import RotationStart
+from calib_core.full.initialise.stream_lag import lags_by_vectors
 from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns
-from calib_core.full.initialise.vectors import lags_by_vectors
-from calib_core.full.odometry.pairs import pair_turns
+from calib_core.full.odometry.motion_prior import Turning
+from calib_core.full.odometry.scan_pairs import pair_turns
 from calib_core.full.odometry.settings import FOLLOWING
-from calib_core.full.odometry.turning import Turning
 from calib_core.full.run import Run
 from calib_core.types import Scan
 

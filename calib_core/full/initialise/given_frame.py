@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from calib_core.events import Event, LogEvent, OnEvent
-from calib_core.full.initialise.begin import begin
-from calib_core.full.initialise.proposed import matched
+from calib_core.full.initialise.lidar_motion import begin
+from calib_core.full.initialise.proposed_planes import matched
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.settings import TrackSettings

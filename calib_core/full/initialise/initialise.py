@@ -12,7 +12,7 @@ from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.axis_signs import axis_complaint, gravity_complaint, unit_complaint
 from calib_core.full.initialise.initial_guess import start_from_guess, with_lever_arm
 from calib_core.full.initialise.linear import linear_start, linear_steps
-from calib_core.full.initialise.rigid import require_rigid
+from calib_core.full.initialise.rigid_mount import require_rigid
 from calib_core.full.initialise.rotation import acceleration_start, is_worse, rotation_start
 from calib_core.full.initialise.settings import AGREEING, ROTATING
 from calib_core.full.initialise.single_axis import turns_about, upright

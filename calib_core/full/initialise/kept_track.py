@@ -1,4 +1,4 @@
-"""The lidar's track (`begin.py`), kept in a folder for the next solve of the same recording.
+"""The lidar's track (`lidar_motion.py`), kept in a folder for the next solve of the same recording.
 
 Other planes chosen, a prior given, the sensors taken for ideal: none of it changes how the lidar moved. A kept track is taken
 only where everything that it depends on is as it was: a second solve gives the first one's numbers, and need not follow the
@@ -17,18 +17,18 @@ from typing import Any
 
 import numpy as np
 
-from calib_core import written
+from calib_core import record_files
 from calib_core.events import Event, LogEvent, StageEvent
-from calib_core.full.initialise.begin import begin
-from calib_core.full.initialise.proposed import choice_among, joined
+from calib_core.full.initialise.lidar_motion import begin
+from calib_core.full.initialise.proposed_planes import choice_among, joined
+from calib_core.full.odometry.distance_travelled import require_motion
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
-from calib_core.full.odometry.travelled import require_motion
 from calib_core.full.run import Run
+from calib_core.record_files import Arrays
 from calib_core.settings import USED_AFTER_TRACKING
 from calib_core.types import FloatArray, Plane, PlaneProposals
-from calib_core.written import Arrays
 
 _FILE = "track.npz"
 
@@ -145,12 +145,12 @@ def write_track(path: Path, key: str, kept: KeptTrack) -> None:
         "unseen": np.array([m.unseen for m in motions]),
         "numbers": np.array([[m.share, m.rms_m, m.std_rad, m.std_m] for m in motions]),
     }
-    written.keep(path, words, arrays)
+    record_files.keep(path, words, arrays)
 
 
 def read_track(path: Path, key: str) -> KeptTrack | None:
     """What was written with this key; None where it was not, or what lies there cannot be read."""
-    there = written.kept(path)
+    there = record_files.kept(path)
     if there is None:
         return None
     words: Any = there[0]

@@ -16,7 +16,7 @@ import scipy
 from calib_core.full.initialise.settings import LAGS
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.geometry import exp, log
-from calib_core.imu.turned import turned_since
+from calib_core.imu.integrated_rotation import turned_since
 from calib_core.types import FloatArray
 
 

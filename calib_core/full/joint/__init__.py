@@ -2,11 +2,12 @@
 
     solve.py        the page: `estimate_jointly`, and `estimate_motion` for the forecast
     schedule.py     which rounds; policies.py has the numbers of each step
-    estimation.py   what is known at one moment, as a value; begin.py makes the first, replay.py writes one down
-    round.py        the steps of a round; settle.py to rest; bounds.py what may not run away; present.py what they look at
-    propagate.py    over what the lidar alone could not follow: window.py, regain.py, drift.py, reach.py
-    choice.py       which planes count, once all structure has told the motion
-    plane_set.py    planes that join and planes that leave; judged.py when, doubt.py why
+    estimation.py   what is known at one moment, as a value; first_estimate.py makes the first, replay.py writes one down
+    round.py        the steps of a round; alternation.py to rest; bounds.py what may not run away; state_views.py what they see
+    propagate.py    over what the lidar alone could not follow: propagation_window.py, plane_reacquisition.py, drift.py,
+                    plane_reach.py
+    plane_choice.py which planes count, once all structure has told the motion
+    plane_set.py    planes that join and planes that leave; plane_judgement.py when, doubtful_planes.py why
     problem.py      what is minimised; state.py its unknowns, lidar_factors.py, priors.py, undetermined.py
     association.py  which point lies on which plane: view.py, many_scans.py, motion.py, moments.py, lidar_noise.py
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, NearHits, as_sieved, near_hits, select
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
-from calib_core.full.joint.doubt import face_three_ways
+from calib_core.full.joint.doubtful_planes import face_three_ways
 from calib_core.full.joint.many_scans import OnScans, ignore, one_after_another, over_batches, over_scans
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.settings import SURVEYING

@@ -13,7 +13,7 @@ from calib_core.errors import Refused
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION
 from calib_core.full.joint.undetermined import NAMES
-from calib_core.full.planes.standing import WORDS
+from calib_core.full.planes.plane_tests import WORDS
 from calib_core.full.prepare.nuisance import sensor_block
 from calib_core.intrinsics import Block
 from calib_core.sigmas import std_text

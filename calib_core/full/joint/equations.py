@@ -18,7 +18,7 @@ from calib_core.full.joint.lidar_factors import LidarFactors
 from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, ROTATION, TRANSLATION, BiasNodes, Estimate, Layout
-from calib_core.full.joint.unseen import Unseen
+from calib_core.full.joint.unseen_directions import Unseen
 from calib_core.geometry import hat
 from calib_core.imu.preintegration import Links
 from calib_core.solver.system import ArrowPart

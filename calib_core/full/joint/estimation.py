@@ -17,7 +17,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate
 from calib_core.full.joint.view import View
-from calib_core.full.planes.standing import Fault
+from calib_core.full.planes.plane_tests import Fault
 from calib_core.full.prepare.nuisance import LATE, Nuisance
 from calib_core.full.run import Run
 from calib_core.imu.preintegration import UpsampledImu, asked_later
@@ -154,8 +154,8 @@ class Estimation:
     play, ascending.   support: the cells that each plane is known to fill.   observations: points given to planes, None where
     they have to be given anew.   minimum: where the last round ended.   rounds, iterations: how many there were.   untuned: what
     pulls at the readings has shown to be no tone (tones.py), and none is looked for any more.   shape_shift: (7,) by how much the
-    calibration went with the shapes of planes, where these could not be estimated along (surface.py): turns about the lidar's
-    axes [rad], metres, seconds.   unseen: as the bins of the last round had it (state.py).
+    calibration went with the shapes of planes, where these could not be estimated along (bent_surfaces.py): turns about the
+    lidar's axes [rad], metres, seconds.   unseen: as the bins of the last round had it (state.py).
     """
 
     estimate: Estimate

@@ -1,7 +1,7 @@
 """The motion that all structure has told, kept in a folder for the next solve of the same recording.
 
-The coarse rounds and the propagation do not depend on which planes were chosen (choice.py): of an untouched suggestion and of
-every choice among its planes they are the same ones. The state after them is written down by whichever solve comes first, and
+The coarse rounds and the propagation do not depend on which planes were chosen (plane_choice.py): of an untouched suggestion and
+of every choice among its planes they are the same ones. The state after them is written down by whichever solve comes first, and
 taken by the next where everything that it depends on is as it was, so that a second solve gives the numbers of one from scratch.
 """
 
@@ -22,10 +22,10 @@ from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.joint.estimation import COUNTING, Estimation, JointData
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.run import Run
-from calib_core.kinds import kind_of, next_name
+from calib_core.plane_kinds import kind_of, next_name
+from calib_core.record_files import as_read, as_written, keep, kept
 from calib_core.settings import USED_AFTER_MOTION
 from calib_core.types import FloatArray, InitialGuess, Plane
-from calib_core.written import as_read, as_written, keep, kept
 
 _FILE = "motion.npz"
 

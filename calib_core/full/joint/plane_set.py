@@ -7,19 +7,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.counts import counted
-from calib_core.full.joint.doubt import plane_doubts, say_left_out
+from calib_core.full.joint.doubtful_planes import plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.many_scans import over_scans
 from calib_core.full.joint.policies import PlaneSet
-from calib_core.full.joint.present import map_pose, present_view
 from calib_core.full.joint.residuals import plane_chi2, plane_misfit, wandering_m
 from calib_core.full.joint.round import gathered
 from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.state_views import map_pose, present_view
+from calib_core.full.planes.plane_tests import fault_of
 from calib_core.full.planes.settings import JUDGEMENT
-from calib_core.full.planes.standing import fault_of
-from calib_core.kinds import kind_of, next_name
-from calib_core.planes.same import same_place, same_surface
+from calib_core.phrasing import counted
+from calib_core.plane_kinds import kind_of, next_name
+from calib_core.planes.same_plane import same_place, same_surface
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.planes.settings import SegmentSettings
 from calib_core.types import BoolArray, FloatArray
@@ -60,7 +60,7 @@ def add_planes(data: JointData, state: Estimation, positions: Sequence[int], rul
 def dropped_now(data: JointData, state: Estimation) -> tuple[FloatArray, FloatArray]:
     """Where the planes are that a person has dropped, in the frame of the solve: normals (D, 3), offsets (D,) [m].
 
-    As they were proposed, in a sweep that is bent yet, and as the motion has told them where it has (choice.py).
+    As they were proposed, in a sweep that is bent yet, and as the motion has told them where it has (plane_choice.py).
     """
     e = state.estimate
     if not data.dropped:

@@ -40,8 +40,8 @@ class Priors:
 
     R_reference: rotation priors are turns away from it.   gravity_m_s2, gravity_std_m_s2: std 0 fixes the magnitude.
     standing: on calibration columns 0..6, so wide that they only keep every number finite.   given: on the same columns, what a
-    person knows, which the recording is held against (assess/given.py).   bias walk densities: per sqrt(s); 0 with a single
-    node.   What is known of the sensors' own parameters comes with these (prepare/nuisance.py).
+    person knows, which the recording is held against (assess/given_values.py).   bias walk densities: per sqrt(s); 0 with a
+    single node.   What is known of the sensors' own parameters comes with these (prepare/nuisance.py).
     """
 
     R_reference: FloatArray

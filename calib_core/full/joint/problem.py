@@ -17,7 +17,7 @@ from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.sensors import SensorColumns
 from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout, no_bins
-from calib_core.full.joint.unseen import Unseen
+from calib_core.full.joint.unseen_directions import Unseen
 from calib_core.imu.preintegration import Links, NoiseDensity, UpsampledImu, preintegrate
 from calib_core.solver.arrow import ArrowSolution
 from calib_core.types import FloatArray

@@ -2,8 +2,9 @@
 
 Piece by piece: predict the knots, gate the points of each plane by how far the motion may have strayed along its normal
 (drift.py), solve the last second again. A scan that sees one plane is corrected along that plane; one that sees none is
-bridged. A plane that comes back after the motion has strayed too far for a gate is known again by its normal (regain.py).
-The whole is solved again, and drift begins anew, each time its span has doubled, and where a lost plane came back.
+bridged. A plane that comes back after the motion has strayed too far for a gate is known again by its normal
+(plane_reacquisition.py). The whole is solved again, and drift begins anew, each time its span has doubled, and where a lost plane
+came back.
 """
 
 from __future__ import annotations
@@ -17,16 +18,16 @@ from calib_core.full.joint.association import associate
 from calib_core.full.joint.drift import Drift
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.moments import Micro
+from calib_core.full.joint.plane_reach import spread, surveyed_reach
+from calib_core.full.joint.plane_reacquisition import regain
 from calib_core.full.joint.plane_set import add_planes
 from calib_core.full.joint.policies import Propagation, Round
-from calib_core.full.joint.present import layout_of
-from calib_core.full.joint.reach import spread, surveyed_reach
-from calib_core.full.joint.regain import regain
+from calib_core.full.joint.propagation_window import Window, predict
 from calib_core.full.joint.round import coarse_stride, gate_of, one_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import STRAYING
 from calib_core.full.joint.state import GRAVITY
-from calib_core.full.joint.window import Window, predict
+from calib_core.full.joint.state_views import layout_of
 from calib_core.solver.information import covariance
 from calib_core.types import BoolArray, FloatArray, IntArray
 

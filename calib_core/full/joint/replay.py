@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from calib_core.full.joint.estimation import Estimation
-from calib_core.written import Json, as_read, as_written
+from calib_core.record_files import Json, as_read, as_written
 
 
 def save_estimation(state: Estimation, path: Path) -> None:

@@ -18,14 +18,14 @@ from calib_core.full.joint import association
 from calib_core.full.joint.bounds import require_bounds, require_points
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.lidar_noise import measure_noise
-from calib_core.full.joint.live import iteration_event
+from calib_core.full.joint.live_motion import iteration_event
 from calib_core.full.joint.moments import gather
 from calib_core.full.joint.policies import Round, Sampling
-from calib_core.full.joint.present import frozen_columns, map_pose, outlined_cells, present_view, problem_of
 from calib_core.full.joint.priors import Held
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Bins, Estimate
+from calib_core.full.joint.state_views import frozen_columns, map_pose, outlined_cells, present_view, problem_of
 from calib_core.full.joint.undetermined import (
     UNITS,
     data_information,
@@ -33,7 +33,7 @@ from calib_core.full.joint.undetermined import (
     still_undetermined,
     towards_priors,
 )
-from calib_core.full.joint.unseen import unseen_counts
+from calib_core.full.joint.unseen_directions import unseen_counts
 from calib_core.full.prepare.nuisance import named_lasers
 from calib_core.solver.arrow import FROZEN, ArrowSolution, NotPositiveDefinite, solve_shared
 from calib_core.solver.levenberg import SharedEquations, minimise

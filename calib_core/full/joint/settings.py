@@ -74,7 +74,7 @@ class Hearing:
 
 @dataclass(frozen=True, slots=True)
 class Wandering:
-    """When biases wander faster than they are said to (`walks.py`)."""
+    """When biases wander faster than they are said to (`bias_walks.py`)."""
 
     #: derived: chance makes as much of steps of a true walk in one recording of a million, twice.
     chance: float = 1e-6

@@ -9,9 +9,19 @@ from functools import partial
 import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
+from calib_core.full.joint.alternation import alternate, near_rest, settle
+from calib_core.full.joint.bent_surfaces import (
+    admit_surface,
+    is_bent_wall,
+    is_rough,
+    say_uneven,
+    shape_shift,
+    unevenness_m,
+)
+from calib_core.full.joint.bias_walks import say_walks, with_walks_told
 from calib_core.full.joint.bounds import require_sensors, require_solution
 from calib_core.full.joint.estimation import COUNTING, Estimation, JointData, Solved
-from calib_core.full.joint.judged import (
+from calib_core.full.joint.plane_judgement import (
     settle_without_doubtful,
     with_culprits_marked,
     without_clutter,
@@ -20,24 +30,14 @@ from calib_core.full.joint.judged import (
 )
 from calib_core.full.joint.plane_set import add_planes
 from calib_core.full.joint.policies import Round, Sampling
-from calib_core.full.joint.present import first_used_s, outlined_cells
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.propagate import propagate, until_seen
 from calib_core.full.joint.residuals import moved_in_gate
 from calib_core.full.joint.round import one_round, released, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
-from calib_core.full.joint.settle import alternate, near_rest, settle
-from calib_core.full.joint.surface import (
-    admit_surface,
-    is_bent_wall,
-    is_rough,
-    say_uneven,
-    shape_shift,
-    unevenness_m,
-)
+from calib_core.full.joint.state_views import first_used_s, outlined_cells
 from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones
-from calib_core.full.joint.walks import say_walks, with_walks_told
 from calib_core.full.prepare.nuisance import Nuisance, unknowns_of
 from calib_core.full.run import Run
 from calib_core.solver.broken_down import arithmetic_or_refused
@@ -72,7 +72,7 @@ def motion_by_all(data: JointData, state: Estimation, schedule: Schedule) -> Est
 
 @arithmetic_or_refused()
 def estimate_chosen(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
-    """From a motion by all to the fixed point of the planes that count (choice.py). Raises Refused."""
+    """From a motion by all to the fixed point of the planes that count (plane_choice.py). Raises Refused."""
     assert schedule.propagation is not None
     here = _MOTION
     part = data.portion(here, here)

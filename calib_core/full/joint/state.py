@@ -161,7 +161,8 @@ class Bins:
 
     time_offset_s: of their making.
     lasers: what they share with the lidar's own parameters.   laid_out_at: the sensors as they were thought to be then.
-    unseen: how many directions no plane sees, of each run of linked knots, and everywhere (unseen.py); () where nobody has asked.
+    unseen: how many directions no plane sees, of each run of linked knots, and everywhere (unseen_directions.py); () where nobody
+    has asked.
     """
 
     knot: IntArray

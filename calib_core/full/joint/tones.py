@@ -16,13 +16,13 @@ import numpy as np
 import scipy
 
 from calib_core.factors.imu import link_factors
-from calib_core.full.joint.doubt import face_three_ways
+from calib_core.full.joint.doubtful_planes import face_three_ways
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Round, Sampling, Tones
-from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered, one_round
 from calib_core.full.joint.state import Bins, Estimate
+from calib_core.full.joint.state_views import problem_of
 from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.joint.tone_heard import goes_on_at_rest, is_heard
 from calib_core.imu.tones import attitudes, tone_readings

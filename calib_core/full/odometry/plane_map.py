@@ -14,7 +14,7 @@ from calib_core.full.odometry.kernels import Surfaces
 from calib_core.full.odometry.reach_kernels import spread_kernel
 from calib_core.full.odometry.settings import MAP
 from calib_core.geometry import plane_axes
-from calib_core.planes.same import apart, same_points
+from calib_core.planes.same_plane import apart, same_points
 from calib_core.planes.segment import PlaneFit, segment_planes
 from calib_core.types import BoolArray, CountArray, FloatArray, IntArray, Plane
 

@@ -13,11 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from calib_core.errors import Cancelled
+from calib_core.full.odometry.motion_prior import Guide, Misled, Turning, rate_within, steadied
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, straighten
 from calib_core.full.odometry.settings import FOLLOWING
 from calib_core.full.odometry.track import track
-from calib_core.full.odometry.turning import Guide, Misled, Turning, rate_within, steadied
 from calib_core.full.planes.propose import named_planes, scan_points
 from calib_core.full.planes.settings import SEARCH
 from calib_core.full.run import Run

@@ -10,7 +10,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.counts import counted
 from calib_core.events import OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.register import ScanMotion, register, sample_points
@@ -26,6 +25,7 @@ from calib_core.full.planes.propose import (
 )
 from calib_core.full.planes.settings import SEARCH
 from calib_core.geometry import log
+from calib_core.phrasing import counted
 from calib_core.planes.segment import segment_planes
 from calib_core.settings import CalibrateSettings
 from calib_core.types import Plane, PlaneProposals, Recording, Scan

@@ -6,7 +6,7 @@ backward. On the way the planes' known parts spread and new planes join. A scan 
 they determine all six directions, and that enough of them lie on planes. One that is not is tried from other starts,
 then bridged; half a second of such scans ends the track.
 
-Where the lidar's turns are known from elsewhere (turning.py), each scan starts from them and hardly leaves them: what is
+Where the lidar's turns are known from elsewhere (motion_prior.py), each scan starts from them and hardly leaves them: what is
 left to the points is where it is, and a few flat things tell that. The track then ends only where the position is lost.
 A guide, where there is one, looks at each motion as it is found; from the first one that is not the lidar's, turns and steps
 are its guide's.
@@ -19,9 +19,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from calib_core.full.odometry.ahead import Ahead
+from calib_core.full.odometry.motion_prior import Guide, Turning, rate_within, steadied, steady_sample
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.prediction import other_places, other_starts, predict
+from calib_core.full.odometry.prefetch import Ahead
 from calib_core.full.odometry.register import (
     PLACE,
     RATE,
@@ -36,7 +37,6 @@ from calib_core.full.odometry.register import (
     straighten,
 )
 from calib_core.full.odometry.settings import MAP, TrackSettings
-from calib_core.full.odometry.turning import Guide, Turning, rate_within, steadied, steady_sample
 from calib_core.geometry import exp, log
 from calib_core.types import FloatArray, Plane, Scan
 

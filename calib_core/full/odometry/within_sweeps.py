@@ -18,12 +18,12 @@ from itertools import pairwise
 import numpy as np
 
 from calib_core.errors import Refused
+from calib_core.full.odometry.motion_prior import rate_within, steady_sample
 from calib_core.full.odometry.plane_map import PlaneMap
 from calib_core.full.odometry.prediction import predict
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion, is_oriented, register
 from calib_core.full.odometry.settings import WITHIN, TrackSettings
-from calib_core.full.odometry.turning import rate_within, steady_sample
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray

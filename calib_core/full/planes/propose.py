@@ -1,7 +1,7 @@
 """The reference scan, and planes as patches of a cloud, from fits or from a point that a person points at.
 
 Planes are proposed, and the lidar is followed, in the frame of the lidar at the reference scan's first point: the first scan from
-which the planes determine a pose. What a result tells is in the map, the first used scan's frame (joint/present.py).
+which the planes determine a pose. What a result tells is in the map, the first used scan's frame (joint/state_views.py).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from calib_core.events import ShouldCancel, never_cancel
 from calib_core.full.planes.settings import PATCHES, SEARCH
 from calib_core.geometry import plane_axes
 from calib_core.memoised import told_once
-from calib_core.planes.same import same_place
+from calib_core.planes.same_plane import same_place
 from calib_core.planes.segment import PlaneFit, determinacy, fit_plane, segment_planes
 from calib_core.planes.settings import SegmentSettings
 from calib_core.presets.lidar import FARTHEST_M, NEAREST_M

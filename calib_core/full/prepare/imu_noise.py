@@ -10,8 +10,8 @@ from calib_core.full.prepare.noise_floor import Floor, noise_floor
 from calib_core.full.prepare.settings import NOISE
 from calib_core.full.run import ImuNoiseLevel
 from calib_core.gp.noise import high_frequency_noise
-from calib_core.imu.coarse import resolution
 from calib_core.imu.preintegration import NoiseDensity
+from calib_core.imu.quantisation import resolution
 from calib_core.types import FloatArray, ImuData
 
 #: Standard deviations in the width of a uniform law: what cutting to steps makes of anything.

@@ -9,8 +9,8 @@ import numpy as np
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.prepare.settings import STAMPS
 from calib_core.full.run import LineStd
-from calib_core.imu.restored import Restored, restored
-from calib_core.imu.rows import LEAST
+from calib_core.imu.lost_readings import Restored, restored
+from calib_core.imu.sample_rows import LEAST
 from calib_core.imu.sampling import Sampling, study_sampling
 from calib_core.settings import CalibrateSettings
 from calib_core.types import IntArray, Recording

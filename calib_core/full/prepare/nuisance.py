@@ -42,8 +42,8 @@ TONE: Literal["tone"] = "tone"
 #: Of the room, too: by how much each plane's material lengthens ranges, beside what all do. Admitted with the sensors.
 MATERIAL: Literal["material"] = "material"
 AnyBlock = Block | Literal["surface", "tone", "material"]
-#: Of the IMU, but no unknowns before they show (assess/late.py): where its accelerometers are, how their lines bend, and what its
-#: low-pass filter does beside delaying.
+#: Of the IMU, but no unknowns before they show (assess/late_parameters.py): where its accelerometers are, how their lines bend,
+#: and what its low-pass filter does beside delaying.
 SIZE_EFFECT: Literal["size_effect"] = "size_effect"
 QUADRATIC: Literal["accelerometer_quadratic"] = "accelerometer_quadratic"
 SPREAD: Literal["low_pass_spread"] = "low_pass_spread"
@@ -354,7 +354,7 @@ def choose_nuisance(
         "accelerometer_scale": imu.accelerometer_scale_std,
         "accelerometer_axes": imu.accelerometer_axes_std_rad,
         "accelerometer_delay": imu.accelerometer_delay_std_s,
-        "accelerometer_quadratic": 0.0,  # what is 0 here is admitted where it shows (assess/late.py)
+        "accelerometer_quadratic": 0.0,  # what is 0 here is admitted where it shows (assess/late_parameters.py)
         "g_sensitivity": imu.g_sensitivity_std_rad_s_m_s2,
         "size_effect": 0.0,
         "low_pass_spread": 0.0,

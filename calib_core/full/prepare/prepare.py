@@ -18,10 +18,10 @@ from calib_core.full.prepare.sieve import Sieve, in_words, sieve_of
 from calib_core.full.prepare.sweep_stamps import begun_evenly, late_ns
 from calib_core.full.run import Clocks, ImuNoiseLevel, Run, StampStep
 from calib_core.gp.training import fit_hyper
+from calib_core.imu.clipped_readings import unclipped
 from calib_core.imu.clipping import clipped, clipped_text
-from calib_core.imu.coarse import coarse_text
 from calib_core.imu.preintegration import NoiseDensity
-from calib_core.imu.unclipped import unclipped
+from calib_core.imu.quantisation import coarse_text
 from calib_core.presets import named_imu, named_lidar
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import IntArray, Recording

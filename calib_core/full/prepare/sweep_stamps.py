@@ -3,16 +3,16 @@
 Where the lidar has no clock to go by, its driver stamps a scan when a packet arrives, late by an exponential law and at times
 by a stall. The rotor tells: it passes a direction once a turn, and cannot be late by a tenth of a millisecond for a single
 turn. Two real ones (VLP-16, HDL-32E) pass it within 8 microseconds from turn to turn by their own clocks, and within 17 of a
-line over a second and a half; over minutes its speed wanders (`rotor.py`). So each scan's time of passing is
+line over a second and a half; over minutes its speed wanders (`rotor_wander.py`). So each scan's time of passing is
 
     c_k = t_k + (phi - phi_k) / omega,
 
-t_k being the middle of the sweep by its stamp and phi_k where the lidar looked then; a line through the c_k (`rows.py`), bent
-by what the rotor wanders, has the true times, and what a stamp is off it is taken away. Stamps that are off a straight line,
-but from turn to turn by nothing, are right: a rotor that wanders, or a pattern that only nearly goes round. That drivers cut
-their sweeps at packets, a millisecond apart, is in phi_k and no error; nor that some cut after so many packets or so much time,
-whatever the rotor does: phi then goes round, and what it goes by in a sweep is what the rotor's turn is shorter or longer than
-one.
+t_k being the middle of the sweep by its stamp and phi_k where the lidar looked then; a line through the c_k
+(`imu/sample_rows.py`), bent by what the rotor wanders, has the true times, and what a stamp is off it is taken away. Stamps that
+are off a straight line, but from turn to turn by nothing, are right: a rotor that wanders, or a pattern that only nearly goes
+round. That drivers cut their sweeps at packets, a millisecond apart, is in phi_k and no error; nor that some cut after so many
+packets or so much time, whatever the rotor does: phi then goes round, and what it goes by in a sweep is what the rotor's turn is
+shorter or longer than one.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ import numpy as np
 
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.prepare.clocks import FirstLook
-from calib_core.full.prepare.rotor import wander_of
+from calib_core.full.prepare.rotor_wander import wander_of
 from calib_core.full.prepare.settings import SWEEPS
 from calib_core.full.run import LineStd
-from calib_core.imu.rows import LEAST, Row, even_rows, lasting
+from calib_core.imu.sample_rows import LEAST, Row, even_rows, lasting
 from calib_core.imu.sampling import mean_lateness, usual_mean
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, IntArray, KeptScans, Recording, Scan

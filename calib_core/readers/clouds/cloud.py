@@ -20,7 +20,7 @@ class RawCloud:
     """points: (N,) structured, at least x y z [m, lidar frame], invalid returns included, in the driver's order.
 
     header_ns: the header's stamp.   receive_ns: when the recorder got it.   width, height as sent (N = width * height).
-    laser: (N,) which one took each point, where no field says it and the points tell (rows.py).
+    laser: (N,) which one took each point, where no field says it and the points tell (ring_by_elevation.py).
     lidar_id: which of several lidars' it is, where the message says so.
     """
 

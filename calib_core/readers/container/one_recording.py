@@ -13,8 +13,8 @@ from collections.abc import Iterable
 from pathlib import PurePath
 from typing import NamedTuple
 
-from calib_core.counts import counted, joined
 from calib_core.errors import UnreadableRecording
+from calib_core.phrasing import counted, joined
 
 STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
 #: Of a file that is compressed, or was still being recorded.

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from calib_core.counts import counted
 from calib_core.errors import InputError
 from calib_core.intrinsics import STANDARD_GRAVITY_M_S2
-from calib_core.pace import GAP_PERIODS, usual_step_ns
+from calib_core.phrasing import counted
 from calib_core.readers.imu.bundles import Bundles, told_apart
 from calib_core.readers.imu.dead import require_both_sensors
 from calib_core.readers.imu.messages import RawImu
@@ -21,6 +20,7 @@ from calib_core.readers.imu.units import AccelerometerUnit, GyroscopeUnit, detec
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.stamps import plausible_stamps, unset_finding
 from calib_core.settings import ReadSettings
+from calib_core.stamp_rate import GAP_PERIODS, usual_step_ns
 from calib_core.types import BoolArray, Clue, Finding, FloatArray, ImuData, IntArray
 
 #: No gyroscope shows this in deg/s, no accelerometer in m/s2: damaged bytes do. NaN fails the comparison as well.

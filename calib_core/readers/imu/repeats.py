@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from calib_core.pace import GAP_PERIODS
 from calib_core.readers.imu.bundles import Bundles, spread
+from calib_core.stamp_rate import GAP_PERIODS
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Readings that a share is taken over: a sensor that rests repeats itself in coarse steps, one that is moved does not.

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib_core.counts import joined
+from calib_core.phrasing import joined
 from calib_core.types import BoolArray, Clue, Finding, FloatArray, IntArray
 
 #: judged: for so long, and with so large a share of the readings of other axes meanwhile, and of its own otherwise, each another

@@ -12,10 +12,10 @@ from typing import Literal
 
 import numpy as np
 
-from calib_core.counts import counted
 from calib_core.errors import Cancelled
 from calib_core.events import LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
 from calib_core.maps.files import write_cloud
+from calib_core.phrasing import counted
 from calib_core.readers.clouds.decoders import UNDECODABLE, CloudDecoder, cloud_decoder
 from calib_core.readers.clouds.layouts import recognise_layout
 from calib_core.readers.clouds.livox import TYPES as LIVOX_TYPES
@@ -23,7 +23,7 @@ from calib_core.readers.clouds.pointcloud2 import TYPE as POINTCLOUD2
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.reading import sample_clouds, span_ns
-from calib_core.readers.rows import by_rows
+from calib_core.readers.ring_by_elevation import by_rows
 from calib_core.readers.scans import select_points
 from calib_core.readers.timing.synthesise import point_timing
 from calib_core.readers.topics import choose_lidar

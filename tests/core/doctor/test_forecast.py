@@ -14,7 +14,7 @@ from calib_core.doctor.report import Forecast
 from calib_core.doctor.sampling import SampledScans
 from calib_core.full.forecast import forecast
 from calib_core.full.joint.state import Estimate
-from calib_core.full.odometry.travelled import stood_text
+from calib_core.full.odometry.distance_travelled import stood_text
 from calib_core.result import COVARIANCE_ORDER, CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, generate

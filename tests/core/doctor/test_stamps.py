@@ -18,11 +18,11 @@ from calib_core.doctor.stamps import stamp_report
 from calib_core.doctor.topics import counted_rates
 from calib_core.events import LogEvent
 from calib_core.full.prepare.prepare import prepare
-from calib_core.pace import rate_hz
 from calib_core.readers.container.storage import RawMessage, TopicSummary
 from calib_core.readers.imu.readings import CleanedImu
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.settings import CalibrateSettings
+from calib_core.stamp_rate import rate_hz
 from calib_core.types import ImuData, Recording
 from tests.core.readers import build
 

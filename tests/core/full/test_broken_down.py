@@ -9,10 +9,10 @@ import pytest
 
 from calib_core.calibrate import calibrate
 from calib_core.errors import Refused
+from calib_core.final_messages import with_cause
 from calib_core.full.joint import solve
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.schedule import Schedule
-from calib_core.hindsight import with_cause
 from calib_core.result import Message
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth

@@ -17,9 +17,9 @@ from calib_core.calibrate import Calibration, calibrate
 from calib_core.doctor.outlook import planes_report
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
+from calib_core.final_messages import with_doubts_settled
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT
 from calib_core.geometry import log
-from calib_core.hindsight import with_doubts_settled
 from calib_core.method import Question
 from calib_core.readers.imu.units import detect_accelerometer_unit
 from calib_core.result import CalibrationResult, Message

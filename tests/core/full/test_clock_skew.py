@@ -11,8 +11,8 @@ from calib_core.calibrate import calibrate
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.clock_skew import ClockSkew, without_skew
-from calib_core.full.initialise.begin import begin
 from calib_core.full.initialise.clock_rate import ClocksApart
+from calib_core.full.initialise.lidar_motion import begin
 from calib_core.full.prepare.prepare import prepare
 from calib_core.full.run import Run
 from calib_core.intrinsics import CLOCK_RATE_STD_PPM

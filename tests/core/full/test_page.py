@@ -13,8 +13,8 @@ from calib_core.errors import Refused
 from calib_core.full import attempts as page
 from calib_core.full.initialise.clock_rate import ClocksApart
 from calib_core.full.joint.bounds import SensorsAstray
+from calib_core.full.joint.data_sheets import Beyond
 from calib_core.full.joint.schedule import FULL, Schedule
-from calib_core.full.joint.sheets import Beyond
 from calib_core.full.run import Run
 from calib_core.message_log import MessageLog
 from calib_core.result import Message

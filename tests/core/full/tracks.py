@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from calib_core.events import LogEvent, never_cancel
-from calib_core.full.initialise.begin import begin
+from calib_core.full.initialise.lidar_motion import begin
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.planes.propose import find_reference, named_planes
 from calib_core.full.prepare.prepare import prepare

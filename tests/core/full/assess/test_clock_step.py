@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from calib_core import calibrate as page
-from calib_core.broken_in_two import break_of
 from calib_core.calibrate import calibrate
 from calib_core.events import LogEvent, ignore_event
 from calib_core.full.assess import disagreement
@@ -19,6 +18,7 @@ from calib_core.full.assess.disagreement import planes_at_once
 from calib_core.full.assess.error_budget import DISAGREEMENT
 from calib_core.full.assess.influence import Influences
 from calib_core.message_log import MessageLog
+from calib_core.recording_break import break_of
 from calib_core.result import TimeBlock
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate

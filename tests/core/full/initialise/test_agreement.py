@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.full.initialise import agreement as agreement_module
 from calib_core.full.initialise.agreement import Agreement, agreeing_part, agreement, agreement_of
-from calib_core.full.initialise.felt import GyroTurning
+from calib_core.full.initialise.inertial_motion import GyroTurning
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns

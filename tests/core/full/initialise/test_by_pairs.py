@@ -12,7 +12,7 @@ from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.by_pairs import _by_pairs as by_pairs
 from calib_core.full.initialise.by_pairs import pairs_start
-from calib_core.full.odometry.pairs import PairTurns, pair_turns
+from calib_core.full.odometry.scan_pairs import PairTurns, pair_turns
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import log
 from calib_core.settings import CalibrateSettings

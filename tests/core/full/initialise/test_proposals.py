@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.initialise.proposed import late_and_dropped, lost, matched, named, own_and_merged, tracked
+from calib_core.full.initialise.proposed_planes import late_and_dropped, lost, matched, named, own_and_merged, tracked
 from calib_core.full.odometry.reference import Followed
 from calib_core.types import Plane
 

@@ -11,8 +11,8 @@ from calib_core.events import Event, LogEvent, never_cancel
 from calib_core.full.initialise.initialise import initialise, of_the_turns_lag
 from calib_core.full.initialise.rotation import acceleration_start, fit_lags, rotation_start
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
+from calib_core.full.initialise.stream_lag import lags_by_vectors
 from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns
-from calib_core.full.initialise.vectors import lags_by_vectors
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings

@@ -9,8 +9,8 @@ import pytest
 
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
-from calib_core.full.joint.begin import begin
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.round import one_round
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.odometry.reference import Followed

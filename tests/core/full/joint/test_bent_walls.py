@@ -9,7 +9,7 @@ import pytest
 
 from calib_core import api
 from calib_core.events import LogEvent
-from calib_core.full.joint import settle
+from calib_core.full.joint import alternation
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import FULL
@@ -29,7 +29,7 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
     heights never admitted.
     """
     moves: list[float] = []
-    measured = settle.moved_in_gate
+    measured = alternation.moved_in_gate
 
     def watched(problem: JointProblem, before: Estimate, after: Estimate) -> float:
         moves.append(measured(problem, before, after))
@@ -37,9 +37,9 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
 
     patches: list[int] = []
     bent: list[list[float]] = []
-    near_rest = settle.near_rest
+    near_rest = alternation.near_rest
 
-    def counted(data: JointData, state: Estimation, *rest: Any, **more: Any) -> settle.Near:
+    def counted(data: JointData, state: Estimation, *rest: Any, **more: Any) -> alternation.Near:
         begin = len(moves)
         found = near_rest(data, state, *rest, **more)
         if state.nuisance.patches:
@@ -47,7 +47,7 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
             bent.append(moves[begin:])
         return found
 
-    monkeypatch.setattr(settle, "moved_in_gate", watched)
+    monkeypatch.setattr(alternation, "moved_in_gate", watched)
     monkeypatch.setattr("calib_core.full.joint.solve.near_rest", counted)
     recording, _ = generate(SCENARIOS["handheld"], seed=3, duration_s=10.0, faults=parse_faults("bent-walls=5mm"))
     said: list[str] = []

@@ -1,4 +1,4 @@
-"""How often descents with all points are made, by what each has found. Whole solves: test_settle.py."""
+"""How often descents with all points are made, by what each has found. Whole solves: test_alternation.py."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from calib_core.full.joint import settle as room
+from calib_core.full.joint import alternation as room
+from calib_core.full.joint.alternation import stands_still, to_fixed_point
 from calib_core.full.joint.policies import Settling
-from calib_core.full.joint.settle import stands_still, to_fixed_point
 from calib_core.solver.levenberg import Minimum, Outcome, SharedEquations
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from calib_core.full.assess import late
-from calib_core.full.assess.late import Told
+from calib_core.full.assess import late_parameters
+from calib_core.full.assess.late_parameters import Told
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import LATE, Nuisance
@@ -34,12 +34,12 @@ def test_a_block_that_is_among_the_unknowns_stays_as_it_is_known(half: Half) -> 
     """
     state = half.state
     for k, block in enumerate(LATE):
-        state = late.with_late(state, block, 1e-4)
+        state = late_parameters.with_late(state, block, 1e-4)
         values = state.estimate.sensors.values.copy()
         values[state.nuisance.places[block]] = 1.0 + k
         state = replace(state, estimate=replace(state.estimate, sensors=SensorState(state.nuisance, values)))
     for again in LATE:
-        state = late.with_late(state, again, 2e-4)
+        state = late_parameters.with_late(state, again, 2e-4)
         np.testing.assert_array_equal(state.nuisance.values(state.nuisance.prior_std, again), 2e-4)
         for k, block in enumerate(LATE):
             np.testing.assert_array_equal(state.estimate.sensors.of(block), 1.0 + k)
@@ -58,8 +58,8 @@ def test_whatever_shows_at_once_the_state_is_whole(
             block: Told(np.full(3, stds[block]), np.full(3, 1e-3 * stds[block])) for block in asked if block in shows
         }
 
-    monkeypatch.setattr(late, "late_told", told)
-    after = late.with_late_blocks(half.data.run, Ended(half.state), ())  # type: ignore[arg-type]
+    monkeypatch.setattr(late_parameters, "late_told", told)
+    after = late_parameters.with_late_blocks(half.data.run, Ended(half.state), ())  # type: ignore[arg-type]
     assert after is not None
     state = after.state
     assert {*shows, "low_pass_skew"} <= set(state.nuisance.places)

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from calib_core.calibrate import calibrate
-from calib_core.full.joint import settle
+from calib_core.full.joint import alternation
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.problem import JointProblem
 from calib_core.settings import CalibrateSettings
@@ -27,7 +27,7 @@ def test_nothing_of_the_points_of_one_round_is_there_in_the_next(
     points: list[weakref.ref[Micro]] = []
     problems: list[weakref.ref[JointProblem]] = []
     alive: list[tuple[str, int, int]] = []
-    associate, descend = settle.associate, settle.descend
+    associate, descend = alternation.associate, alternation.descend
 
     def count(step: str) -> None:
         alive.append((step, sum(each() is not None for each in points), sum(each() is not None for each in problems)))
@@ -45,8 +45,8 @@ def test_nothing_of_the_points_of_one_round_is_there_in_the_next(
         problems.append(weakref.ref(problem))
         return state, problem
 
-    monkeypatch.setattr(settle, "associate", given)
-    monkeypatch.setattr(settle, "descend", descended)
+    monkeypatch.setattr(alternation, "associate", given)
+    monkeypatch.setattr(alternation, "descend", descended)
     calibrate(noisy[0], CalibrateSettings())
     assert len(points) >= 3
     assert len(problems) > len(points)

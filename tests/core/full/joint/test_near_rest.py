@@ -13,7 +13,7 @@ import pytest
 
 from calib_core.factors.lidar_plane import Gate, LidarNoise
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint import settle as settling
+from calib_core.full.joint import alternation as settling
 from calib_core.full.joint.policies import Sampling, Settling
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.levenberg import SharedEquations

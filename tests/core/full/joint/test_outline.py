@@ -12,12 +12,12 @@ import pytest
 from calib_core.api import map_points
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
-from calib_core.full.joint import present
+from calib_core.full.joint import state_views
 from calib_core.full.joint.estimation import MapPlane
+from calib_core.full.joint.plane_reach import reach_within, spread
 from calib_core.full.joint.policies import Propagation
-from calib_core.full.joint.reach import reach_within, spread
+from calib_core.full.joint.propagation_window import Window
 from calib_core.full.joint.sensor_state import SensorState
-from calib_core.full.joint.window import Window
 from calib_core.geometry import exp, plane_axes
 from calib_core.result import PlaneQuality
 from calib_core.settings import CalibrateSettings
@@ -166,7 +166,7 @@ def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts(monke
     outline = np.array([[2.0, -1.0, -0.5], [2.0, 1.5, -0.5], [2.0, 1.5, 2.1], [2.0, -1.0, 2.1]])
     normal, offset_m = R @ np.array([-1.0, 0.0, 0.0]), 2.0 + float(p @ R[:, 0])
     pose = SimpleNamespace(R=R[None], p=p[None])
-    monkeypatch.setattr(present, "motion_of", lambda *_: SimpleNamespace(lidar_at=lambda *_: pose))
+    monkeypatch.setattr(state_views, "motion_of", lambda *_: SimpleNamespace(lidar_at=lambda *_: pose))
     clocks = SimpleNamespace(at_rate=lambda _: SimpleNamespace(scan_s=np.zeros(1)))
     run = SimpleNamespace(clocks=clocks, settings=CalibrateSettings())
     data: Any = SimpleNamespace(run=run, reference=0)
@@ -174,7 +174,7 @@ def test_an_outline_stays_with_its_wall_when_the_frame_of_the_solve_drifts(monke
         normals=normal[None], time_offset_s=0.0, R_imu_lidar=None, p_imu_lidar=None, sensors=SensorState()
     )
     state: Any = SimpleNamespace(estimate=estimate, planes=[MapPlane("wall", outline)])
-    outlined = present.outlined_cells(data, state)
+    outlined = state_views.outlined_cells(data, state)
     assert outlined is not None
     cells = np.argwhere(outlined[0])
     assert len(cells) > 60

@@ -27,7 +27,7 @@ from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.residuals import misfit, plane_misfit, wandering_m
 from calib_core.full.joint.state import Estimate
-from calib_core.full.planes.standing import Standing, doubts
+from calib_core.full.planes.plane_tests import Standing, doubts
 from calib_core.geometry import exp
 from calib_core.planes.segment import PlaneFit
 from calib_core.types import Plane

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
-from calib_core.full.joint.begin import bias_nodes
+from calib_core.full.joint.first_estimate import bias_nodes
 from calib_core.full.joint.priors import Held, PriorRow, Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN

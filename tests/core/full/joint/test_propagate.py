@@ -15,13 +15,13 @@ from calib_core.full.joint import association
 from calib_core.full.joint import propagate as steps
 from calib_core.full.joint.drift import Drift
 from calib_core.full.joint.estimation import Estimation, JointData, lidar_pose
+from calib_core.full.joint.plane_reacquisition import regain, same_lost_plane
 from calib_core.full.joint.policies import Propagation
-from calib_core.full.joint.present import motion_of, outlined_cells
 from calib_core.full.joint.propagate import Propagated, advance, begin, bridge, gates_m, let_go, look_again, propagate
-from calib_core.full.joint.regain import regain, same_lost_plane
+from calib_core.full.joint.propagation_window import Window, predict
 from calib_core.full.joint.round import anchored, one_round
 from calib_core.full.joint.schedule import CHOSEN, FULL
-from calib_core.full.joint.window import Window, predict
+from calib_core.full.joint.state_views import motion_of, outlined_cells
 from calib_core.geometry import exp, log
 from calib_core.planes.segment import PlaneFit
 from tests.core.full.joint.conftest import Half

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from calib_core.factors.patches import patches_of
-from calib_core.full.joint import solve, surface
+from calib_core.full.joint import bent_surfaces, solve
+from calib_core.full.joint.alternation import Near
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.sensor_state import SensorState
-from calib_core.full.joint.settle import Near
 from calib_core.full.prepare.nuisance import SURFACE
 from calib_core.geometry import exp
 from tests.core.full.joint.conftest import Half
@@ -81,7 +81,7 @@ def test_a_person_is_warned_of_what_no_wall_is(
     """Mutations: never more than a word by the way; what it may be left out."""
     said: list[tuple[str, str, str]] = []
     monkeypatch.setattr(type(half.data.run), "say", lambda _, *what: said.append(what))
-    surface.say_uneven(half.data, _off_flat(half, 1e-3 * by_mm), RULES)
+    bent_surfaces.say_uneven(half.data, _off_flat(half, 1e-3 * by_mm), RULES)
     ((told, code, text),) = said
     assert (told, code) == (level, "planes.uneven")
     assert words in text

@@ -15,9 +15,9 @@ from calib_core.events import StageEvent
 from calib_core.factors.lidar_plane import Gate, LidarNoise, SlicePoses, find_hits, select
 from calib_core.full.joint import round as rounds
 from calib_core.full.joint.policies import Sampling
-from calib_core.full.joint.present import problem_of
 from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of
 from calib_core.full.joint.schedule import FULL
+from calib_core.full.joint.state_views import problem_of
 from calib_core.full.joint.view import View
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.solver.levenberg import SharedEquations

@@ -11,13 +11,13 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.factors.support import PlaneExtents
-from calib_core.full.joint import bounds, solve, surface
+from calib_core.full.joint import bent_surfaces, bounds, solve
+from calib_core.full.joint.alternation import Near
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
 from calib_core.full.joint.schedule import CHOSEN, FULL, Schedule
 from calib_core.full.joint.sensor_state import SensorState
-from calib_core.full.joint.settle import Near
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
@@ -256,8 +256,8 @@ def test_a_patch_that_follows_another_surface_ends_the_shapes(
 
     Mutations: the height's sign counts; the bent state is kept, or where it does not rest; its rounds are forgotten.
     """
-    surface = Nuisance((NuisanceBlock("surface", ("1:0,0", "1:1,0"), np.full(2, 0.003)),))
-    heights = SensorState(surface, np.array([0.001, height_m]))
+    bent_surfaces = Nuisance((NuisanceBlock("surface", ("1:0,0", "1:1,0"), np.full(2, 0.003)),))
+    heights = SensorState(bent_surfaces, np.array([0.001, height_m]))
     uneven = replace(half.state, estimate=replace(half.state.estimate, sensors=heights))
     monkeypatch.setattr(solve, "settle", lambda *_: half.state)
     soon: list[int] = []
@@ -287,14 +287,16 @@ def test_what_is_no_plane_beside_the_others_is_given_no_shape(
     support.inside[:, 2:6, 2:6] = True
     doubts = np.zeros((len(half.state.planes), 3))
     doubts[-1, 1] = doubt
-    monkeypatch.setattr(surface, "patch_sums", lambda _data, _state, patches, _sampling: (np.ones(patches.count),) * 2)
+    monkeypatch.setattr(
+        bent_surfaces, "patch_sums", lambda _data, _state, patches, _sampling: (np.ones(patches.count),) * 2
+    )
     every, each = len(half.state.planes), 4  # patches of a plane
     bent = {every * each: True, (every - 1) * each: rest_is}
-    monkeypatch.setattr(surface, "are_bent", lambda weight, *_: bent[len(weight)])
-    monkeypatch.setattr(surface, "gathered", lambda *_: None)
-    monkeypatch.setattr(surface, "plane_doubts", lambda *_: doubts)
+    monkeypatch.setattr(bent_surfaces, "are_bent", lambda weight, *_: bent[len(weight)])
+    monkeypatch.setattr(bent_surfaces, "gathered", lambda *_: None)
+    monkeypatch.setattr(bent_surfaces, "plane_doubts", lambda *_: doubts)
     state = replace(half.state, support=support)
-    after = surface.admit_surface(half.data, state, FULL.surfaces, FULL.sampling)
+    after = bent_surfaces.admit_surface(half.data, state, FULL.surfaces, FULL.sampling)
     patches = after.nuisance.surface
     assert (patches is None) == (shaped is None)
     if patches is not None:
@@ -317,11 +319,11 @@ def test_planes_are_bent_where_chance_would_hardly_make_as_much() -> None:
 
     def bent(*bends_m: float) -> bool:
         off_m = rng.normal(0.0, np.sqrt(1e-8 + np.array(bends_m)[plane] ** 2))
-        return surface.are_bent(weight, weight * off_m, FULL.surfaces)
+        return bent_surfaces.are_bent(weight, weight * off_m, FULL.surfaces)
 
     assert not any(bent(0.0, 0.0, 0.0) for _ in range(300))
     assert all(bent(0.0, 0.0004, 0.0) for _ in range(30))
-    assert not surface.are_bent(weight[:1], np.full(1, 1e6), FULL.surfaces)
+    assert not bent_surfaces.are_bent(weight[:1], np.full(1, 1e6), FULL.surfaces)
 
 
 def test_a_solve_that_ends_singular_is_refused(half: Half) -> None:

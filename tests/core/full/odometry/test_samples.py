@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from calib_core.full.odometry.ahead import Ahead
+from calib_core.full.odometry.prefetch import Ahead
 from calib_core.full.odometry.register import sample_points
 from calib_core.planes.sample import evenly_spread
 from calib_core.types import POINT_DTYPE, Scan

@@ -10,7 +10,7 @@ import pytest
 
 from calib_core.errors import Refused
 from calib_core.events import Event, LogEvent, ignore_event, never_cancel
-from calib_core.full.initialise.begin import begin
+from calib_core.full.initialise.lidar_motion import begin
 from calib_core.full.odometry import within_sweeps
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.register import ScanMotion

@@ -1,0 +1,92 @@
+"""Whether the IMU's biases wander as they are said to: a part that warms up drifts ten times as fast as it walks when it is warm.
+
+Biases are states at nodes, each a step of a random walk from the one before (priors.py). Of steps whose prior covariance is 1,
+and of which the data leave a posterior covariance V, the estimate is a draw of covariance
+
+    k^2 A^2 + A - A^2,      A = 1 - V
+
+where the walk is truly k times as fast: A where it is not. Held to a walk that is too slow, a drift is laid upon scales and axes
+of the accelerometer, and through gravity upon the rotation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import scipy
+
+from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.settings import WANDERING
+from calib_core.full.joint.state_views import layout_of
+from calib_core.full.run import Run
+from calib_core.presets import random_walks
+from calib_core.solver.information import covariance
+from calib_core.types import FloatArray
+
+
+def with_walks_told(data: JointData, state: Estimation) -> Estimation:
+    """With walks as fast as the biases' own steps tell; the same state where these are no greater than chance makes them."""
+    information, layout = state.information, layout_of(data, state)
+    # What comes and goes once, as a lift that starts, is no drift.
+    if information is None or layout.nodes < 2 or state.untuned:
+        return state
+    spread = covariance(information).matrix
+    times_s, e, before = data.nodes.times_s, state.estimate, state.priors
+    faster = [
+        times_faster(values, spread[columns, columns], walk * np.sqrt(np.diff(times_s)))
+        for values, columns, walk in (
+            (e.gyro_bias, layout.gyro_bias(), before.gyro_walk),
+            (e.accel_bias, layout.accel_bias(), before.accel_walk),
+        )
+    ]
+    if max(faster) <= 1.0:
+        return state
+    priors = replace(before, gyro_walk=before.gyro_walk * faster[0], accel_walk=before.accel_walk * faster[1])
+    return replace(state, priors=priors)
+
+
+def with_usual_walks(run: Run, state: Estimation) -> Estimation:
+    """With walks as such sensors have them: something is unknown now that may have made the biases wander."""
+    gyro, accel = random_walks(run.settings.imu_noise)
+    return replace(state, priors=replace(state.priors, gyro_walk=gyro, accel_walk=accel))
+
+
+def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray) -> float:
+    """k; 1 where the steps are within chance. values: (N, 3) at the nodes.   spread: (3 N, 3 N) covariance, node by node.
+    step_std: (N - 1,) what the walk makes of a step.
+    """
+    if not (step_std > 0.0).all():
+        return 1.0
+    nodes = len(values)
+    step = (np.eye(nodes)[1:] - np.eye(nodes)[:-1]) / step_std[:, None]
+    square = float(np.sum((step @ values) ** 2))
+    known = [np.eye(nodes - 1) - step @ spread[axis::3, axis::3] @ step.T for axis in range(3)]
+    mean, by_square = sum(float(np.trace(A)) for A in known), sum(float(np.sum(A**2)) for A in known)
+    if mean <= 0.0 or by_square <= 0.0:
+        return 1.0
+    # Of variance 2 tr A^2: a gamma law.
+    shape, scale = 0.5 * mean**2 / by_square, 2.0 * by_square / mean
+    beyond_chance = square > scale * float(scipy.special.gammainccinv(shape, WANDERING.chance))
+    if not beyond_chance or square < WANDERING.share * 3 * (nodes - 1):
+        return 1.0
+    k = float(np.sqrt(max(1.0 + (square - mean) / by_square, 1.0)))
+    return k if WANDERING.least < k < WANDERING.most else 1.0
+
+
+def say_walks(data: JointData, state: Estimation) -> None:
+    """That biases wander faster than they are said to, for a person. Instead of what an earlier end had."""
+    data.run.retract("imu.bias_walk")
+    gyro, accel = random_walks(data.run.settings.imu_noise)
+    for kind, was, now in (
+        ("gyroscope", gyro, state.priors.gyro_walk),
+        ("accelerometer", accel, state.priors.accel_walk),
+    ):
+        if now > was > 0.0:
+            data.run.say(
+                "warning",
+                "imu.bias_walk",
+                f"the {kind}'s bias seems to wander {now / was:.0f} times as fast as such sensors' do once they are warm: one "
+                "that warms up does, and walls that bend or a mount that gives look the same; so much is allowed for; let it run "
+                "for some minutes before you record",
+            )
