@@ -109,6 +109,9 @@ def _step_ns(stamps_ns: IntArray, *, least_ns: int) -> int:
 
 def _are_multiples(stamps_ns: IntArray, step_ns: int) -> bool:
     off = (stamps_ns + step_ns // 2) % step_ns - step_ns // 2
+    # All as far beside the steps: a clock that keeps step with them by itself, which is one draw and not one a stamp.
+    if np.ptp(off) <= STEPS.same_ns < abs(off[0]):
+        return False
     return bool((np.abs(off) <= STEPS.rounding_s * 1e9).all())
 
 

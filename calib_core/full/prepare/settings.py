@@ -179,6 +179,8 @@ class Steps:
     ticks_s: tuple[float, ...] = (0.015625, 0.004)
     #: derived: seconds since 1970 in double precision are rounded by a quarter of a microsecond.
     rounding_s: float = 2.5e-7
+    #: derived: a nanosecond cut either way, of stamps that are whole nanoseconds.
+    same_ns: int = 2
     #: judged: most clocks that cut stamps count milliseconds. Where they do and sampling keeps step, stamps are multiples of the
     #: sampling's own period by chance in one recording of ten at 100 Hz, in all at 1000 Hz. Rarer than in one of so many, such
     #: stamps are taken for exact: a clock's that starts the sampling, a receiver's seconds, a simulation's.

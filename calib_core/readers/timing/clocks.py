@@ -19,6 +19,8 @@ class HeaderTimes(NamedTuple):
 #: Headers further apart than this are taken for different epochs.
 SAME_EPOCH_NS = 10_000_000_000
 NS_PER_S = 1_000_000_000
+#: Of clouds that span less, such as packets, an IMU that comes as much later by its bus looks the same.
+SHORTEST_SWEEP_S = 0.04
 
 
 def examine_clocks(
@@ -82,7 +84,7 @@ def stamp_end_suspicion(
 
     lidar_lag_ns, imu_lag_ns: receive minus header of each message, one common clock.   last_point_s: after the header.
     """
-    if lidar_lag_ns.size < 10 or imu_lag_ns.size < 10 or last_point_s < 0.5 * period_s:
+    if lidar_lag_ns.size < 10 or imu_lag_ns.size < 10 or last_point_s < max(0.5 * period_s, SHORTEST_SWEEP_S):
         return None
     lag_s = float(np.median(lidar_lag_ns) - np.median(imu_lag_ns)) * 1e-9
     if np.median(np.abs(lidar_lag_ns)) < 1e5:

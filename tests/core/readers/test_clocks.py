@@ -66,6 +66,8 @@ def test_scans_that_arrive_too_early_carry_the_end_stamp() -> None:
     # negative times: the last point is at the header, and it is right that the scan arrives at once
     at_once = receive - (header + PERIOD_NS) - 15_000_000
     assert stamp_end_suspicion(at_once, imu_lag, 0.1, 0.0, "/p") is None
+    # nor parts of a sweep, 10 ms each, where the IMU comes 15 ms late
+    assert stamp_end_suspicion(np.full(1000, 16_000_000), np.full(1000, 15_000_000), 0.01, 0.01, "/p") is None
     # nor do receive times that go another way than headers: of one instant, a running number
     for wrong in (np.zeros_like(header), np.arange(header.size, dtype=np.int64)):
         assert stamp_end_suspicion(wrong - header, wrong[0] - imu_header, 0.1, 0.1, "/p") is None

@@ -106,6 +106,18 @@ def test_a_period_in_double_precision_is_the_sensors_own_all_the_same() -> None:
     assert "multiples of the 100 ms" in str(exact_stamps(stamps, "/points"))
 
 
+def test_a_clock_that_keeps_step_beside_the_steps_is_cut_by_nobody() -> None:
+    """Readings 5 ms apart to the nanosecond, begun 228 ns before a hundredth of a millisecond: one recording of twenty begins
+    that near by chance, and all its stamps do. Mutation: each stamp is a draw.
+    """
+    even = EPOCH_NS // 10_000 * 10_000 + 5_000_000 * np.arange(3000, dtype=np.int64)
+    assert imu_step(_imu(even - 228)) is None
+    assert imu_step(_imu(even + 100)) is None
+    found = imu_step(_imu(even))
+    assert found is not None
+    assert found.step_s == 1e-5
+
+
 @pytest.mark.parametrize("rate_hz", [100, 200, 400])
 @pytest.mark.parametrize("law", ["nanoseconds", "microseconds", "its own period"])
 def test_good_stamps_are_left_in_peace(rate_hz: int, law: str) -> None:
