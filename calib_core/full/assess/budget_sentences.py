@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from calib_core.full.assess.disagreement import Disagreement, is_torn
+from calib_core.full.assess.disagreement import Disagreement
 from calib_core.full.assess.error_budget import CLOCKS, DISAGREEMENT, SHAPES
 from calib_core.full.assess.observability import Knowledge
 from calib_core.full.assess.weak_sentences import named_direction
@@ -47,11 +47,11 @@ def say_shapes(run: Run, shift: FloatArray, others: FloatArray) -> None:
     )
 
 
-def say_disagreement(run: Run, found: Sequence[Disagreement], beyond: FloatArray) -> None:
+def say_disagreement(run: Run, found: Sequence[Disagreement], beyond: FloatArray, *, is_torn: bool) -> None:
     """Where parts of the recording disagree. beyond: (7, 7), scaled units, what the answer is widened by for it."""
     if not beyond.any():
         return
-    torn = ", and may be too narrow all the same: do not rely on them, and record again" if is_torn(found) else ""
+    torn = ", and may be too narrow all the same: do not rely on them, and record again" if is_torn else ""
     parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
     lasers = "lasers that read short or long, " if any(d.name == "lasers" and d.is_beyond_noise for d in found) else ""
     run.say(

@@ -39,7 +39,8 @@ class Confidence:
 
     apart: the parts that were compared.   contradicted: what was given beforehand and is wrong.   sensors_unexplained: (N,) what
     noise does not explain of the variances of the sensors' parameters that were estimated.   weak_by_sensors: axes that would
-    not be weak but for what is considered.
+    not be weak but for what is considered.   is_torn: stretches of time contradict each other: no error bar is wide enough then
+    to be relied on.
     """
 
     knowledge: Knowledge
@@ -50,11 +51,7 @@ class Confidence:
     contradicted: tuple[Contradiction, ...] = ()
     sensors_unexplained: FloatArray = field(default_factory=lambda: np.zeros(0))
     weak_by_sensors: tuple[Axis, ...] = ()
-
-    @property
-    def is_torn(self) -> bool:
-        """Whether stretches of time contradict each other: no error bar is wide enough then to be relied on."""
-        return is_torn(self.found)
+    is_torn: bool = False
 
 
 def confidence(run: Run, solved: Solved) -> Confidence:
@@ -75,7 +72,9 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     say_shapes(run, solved.state.shape_shift, budget.beside_shapes)
     contradicted = _contradicted(run, solved, plain, budget, found)
     say_contradictions(run, contradicted)
-    say_disagreement(run, found, budget.disagreement)
+    moved = any(plane.chosen and plane.fault == "moved" for plane in solved.planes)
+    torn = is_torn(found, moved=moved)
+    say_disagreement(run, found, budget.disagreement, is_torn=torn)
 
     def known(added: FloatArray) -> Knowledge:
         return assess(information, problem.priors, frozen_offset=frozen, offset_std_s=clocks_std_s, added=added)
@@ -88,7 +87,7 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     unexplained = (
         _sensors_unexplained(run, solved, found) if considered is None else np.zeros(solved.nuisance.sensors.size)
     )
-    return Confidence(knowledge, budget, considered, found, apart, contradicted, unexplained, by_sensors)
+    return Confidence(knowledge, budget, considered, found, apart, contradicted, unexplained, by_sensors, torn)
 
 
 def _considered(run: Run, solved: Solved) -> Considered | None:

@@ -182,9 +182,13 @@ def disagreements(apart: Apart, covariance: FloatArray) -> list[Disagreement]:
     return [judge(name, each, whiten, root) for name, each in apart.clusters.items()]
 
 
-def is_torn(found: Sequence[Disagreement]) -> bool:
-    """Whether stretches of time contradict each other. Walls that are not flat have their places disagree, not time."""
-    return any(each.name == "time" and each.is_beyond_noise and each.ratio > PARTS.torn for each in found)
+def is_torn(found: Sequence[Disagreement], *, moved: bool = False) -> bool:
+    """Whether stretches of time contradict each other. Walls that are not flat have their places disagree, not time.
+
+    moved: a chosen plane did not stand still in the motion that all structure has told: then any disagreement is its doing.
+    """
+    least = 1.0 if moved else PARTS.torn
+    return any(each.name == "time" and each.is_beyond_noise and each.ratio > least for each in found)
 
 
 def roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:

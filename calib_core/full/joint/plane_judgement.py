@@ -11,7 +11,7 @@ from calib_core.full.joint.doubtful_planes import face_three_ways, plane_doubts,
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.plane_set import drop_planes, mark_planes, only_planes
 from calib_core.full.joint.policies import PlaneSet
-from calib_core.full.joint.round import gathered
+from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.tones import found_tones, heard_anew
 from calib_core.full.planes.plane_tests import Fault, fault_of
@@ -30,6 +30,20 @@ def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> E
         return state
     left = drop_planes(data, state, rules, most_share=rules.clutter_share)
     return left if left is state else heard_anew(data, left, schedule.tones, schedule.coarse[-1], schedule.sampling)
+
+
+def with_moving_marked(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+    """A motion that all structure has told, with what did not stand still in it marked.
+
+    A choice of a few planes would follow one that is pushed aside, and find nothing wrong with it.
+    """
+    last, rules = schedule.coarse[-1], schedule.planes or PlaneSet()
+    gate = gate_of(state, last.gate_m, schedule.sampling)
+    seen = associate(data, state, gate, stride=coarse_stride(data, state, schedule.sampling))
+    doubt = plane_doubts(gathered(data, seen), seen.estimate, rules.rough_m)
+    faults: list[Fault] = ["moved" if row[0] > 1.0 else "" for row in doubt]
+    planes = tuple(replace(plane, fault=fault) for plane, fault in zip(state.planes, faults, strict=True))
+    return replace(state, planes=planes)
 
 
 def without_faulty(data: JointData, state: Estimation, schedule: Schedule, *, settled: bool) -> Estimation:
