@@ -214,11 +214,13 @@ def _of_lasers(of: _Responses, told_apart: Iterable[ByLaser]) -> Influences:
     for part in told_apart:
         if len(out.moved) == 0:
             out = Influences.none(part.lasers, of.unknowns, alone=of.alone)
-        lidar, bins = part.factors, part.factors.bins
-        a, J = lidar.bins_seen(of.estimate)
-        Q = _response(J, bins.knot, bins.plane, of)
-        F, change = _features(lidar, of)
-        laser_influences_kernel(bins.lasers.clusters(), a, Q, F, change, out.moved, out.allowed)
+        lidar, knots = part.factors, len(of.along)
+        rates, (F, change) = lidar.rates(of.estimate), _features(lidar, of)
+        for first in range(0, knots, CHAIN.knots_at_once):
+            own = lidar.between(first, min(first + CHAIN.knots_at_once, knots))
+            a, J = own.bins_seen(of.estimate, rates)
+            Q = _response(J, own.bins.knot, own.bins.plane, of)
+            laser_influences_kernel(own.bins.lasers.clusters(), a, Q, F, change, out.moved, out.allowed)
     return out
 
 
