@@ -47,6 +47,15 @@ def require_rest(before: Estimation, after: Estimation, unsettled_sigmas: float)
         _refuse(before, after, f"the solve did not come to rest in {after.rounds} rounds")
 
 
+def restless(state: Estimation, moved: float) -> Refused:
+    """The refusal of a state that comes no nearer to rest. moved: by the last round, in standard deviations of a point."""
+    return Refused(
+        "solve.unsettled",
+        f"the solve came no nearer to rest in {state.rounds} rounds: the last one still moved points by {moved:.2g} times what "
+        f"they scatter by; {_CURE}",
+    )
+
+
 def last_move(before: Estimation, after: Estimation) -> tuple[FloatArray, FloatArray]:
     """What the calibration moved by, and its standard deviations: (7,) each [rad, m, s]; infinite where unknown."""
     priors = after.priors
