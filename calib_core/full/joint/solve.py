@@ -120,7 +120,7 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     data.laid_out.forget()
     shared = SharedEquations()
     state, problem = alternate(data, state, schedule.settling, schedule.sampling, shared)
-    freed = with_walks_told(data, released(data, state))
+    freed = with_walks_told(data, released(data, state), problem)
     if freed is not state:
         del state, problem
         whole_again = data.portion(1.0, 1.0)

@@ -58,7 +58,7 @@ def test_a_recording_enters_each_step_once_and_is_told_before_it(
 ) -> None:
     """Mutations: tell the state after the step; leave a step out; begin one step late."""
     told: list[tuple[str, int]] = []
-    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state: state)
+    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state, *_: state)
     state = replace(half.state, rounds=0)
     data = replace(half.data, on_state=lambda name, known: told.append((name, known.rounds)))
     solve.estimate_jointly(data, state, FULL)
@@ -114,7 +114,7 @@ def test_sensors_that_chosen_boxes_lead_astray_end_the_solve_at_its_first_rest(
         raise Refused("solve.sensors_astray", "twelve times as large")
 
     monkeypatch.setattr(solve, "admit_rest", look)
-    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state: state)
+    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state, *_: state)
     monkeypatch.setattr(solve, "require_solution", lambda _: None)
     monkeypatch.setattr(solve, "require_sensors", astray)
     with pytest.raises(Refused, match="twelve times"):
