@@ -158,12 +158,17 @@ def test_parts_that_disagree_make_a_sensor_less_sure(wider: float, clock_place: 
         minimum=SimpleNamespace(solution=SimpleNamespace(information=np.diag([1.0, 1.0, 1e8]))),
         problem=SimpleNamespace(layout=lambda _: layout, sensors=SimpleNamespace(clock_place=clock_place)),
     )
-    found = sensor_findings(solved, None, np.array([(wider**2 - 1.0) * 1e-8]))
+    found = sensor_findings(solved, None, np.array([(wider**2 - 1.0) * 1e-8]), torn=False)
     (one,) = found.parameters
     assert one.std == pytest.approx(wider * 1e-4)
     assert one.significant is bool(said)
     assert [text for _, text in found.sentences if not text.endswith(said)] == []
     assert bool(found.sentences) is bool(said)
+    # Shaken faster than the IMU reads, its axes were "up to 5.62 deg off square", by six sigmas. Mutation: said all the same.
+    in_two = sensor_findings(solved, None, np.array([(wider**2 - 1.0) * 1e-8]), torn=True)
+    assert in_two.sentences == ()
+    assert [(each.value, each.std) for each in in_two.parameters] == [(one.value, one.std)]
+    assert not in_two.parameters[0].significant
 
 
 @pytest.mark.parametrize(
