@@ -126,20 +126,21 @@ def factor_influences(
 
 
 def parameter_influences(
-    problem: JointProblem, estimate: Estimate, own: slice, told_apart: Iterable[ByLaser] = ()
+    problem: JointProblem, estimate: Estimate, columns: IntArray, told_apart: Iterable[ByLaser] = ()
 ) -> Iterator[tuple[IntArray, FactorInfluences]]:
-    """The same on shared unknowns of columns `own`, some at a time, each by itself: which of them, counted from the first.
+    """The same on shared unknowns of these columns (N,), some at a time, each by itself: which of the N.
 
     Raises NotPositiveDefinite.
     """
     equations, parts = problem.linearise(estimate), list(told_apart)
     eliminated = Eliminated.of(equations)
-    every = np.arange(own.start, own.stop)
+    every = np.arange(len(columns))
     for first in range(0, len(every), PARTS.parameters_at_once):
-        some = every[first : first + PARTS.parameters_at_once]
+        which = every[first : first + PARTS.parameters_at_once]
+        some = columns[which]
         along, border = eliminated.unit_responses(equations, some)
         of = _responses(problem, estimate, along, border, alone=True)
-        yield some - own.start, _influences(of, parts, border[some])
+        yield which, _influences(of, parts, border[some])
 
 
 def _responses(
