@@ -17,15 +17,23 @@ _BROKEN = (
     "solve.unsettled", "solve.inconsistent", "solve.broke_down", "solve.diverged", "solve.offset_ran_away",
     "solve.lever_arm_ran_away", "planes.unsettled", "planes.lost", "motion.not_rigid",
 )  # fmt: skip
+#: What is said on the way of a motion that tells too little.
+_ONE_AXIS = "start.open_turn"
 
 
 def with_cause(refusal: Refused, messages: Sequence[Message]) -> str:
     """The refusal's sentence. Where it only says that the solve broke, and messages warn of something that breaks it, that comes
-    first: "the gyroscope's x axis is stuck; that may be why the solve did not come to rest".
+    first: "the gyroscope's x axis is stuck; that may be why the solve did not come to rest". So does a turning about one
+    axis alone, which breaks none, but lets what is hardly flat or still bend the motion; what helps then comes last.
     """
     warned = {message.code: message.text for message in reversed(messages) if message.level == "warning"}
     cause = next((warned[code] for code in _CAUSES if code in warned), "")
-    if refusal.code not in _BROKEN or not cause:
+    if refusal.code not in _BROKEN:
+        return str(refusal)
+    if not cause and any(message.code == _ONE_AXIS for message in messages):
+        about = "as far as the lidar could be followed, all turning is about one axis"
+        return f"{about}; that may be why {refusal}, and turn the rig about the other axes too"
+    if not cause:
         return str(refusal)
     first = cause.split(";")[0].rstrip(".")
     return f"{first[0].lower()}{first[1:]}; that may be why {refusal}"

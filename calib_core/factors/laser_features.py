@@ -116,23 +116,6 @@ class LaserSums:
         """With planes told apart by "laser", too, from `beyond` on: below, squares between heights tell their plane."""
         return replace(self, laser=np.where(self.laser >= beyond, self.laser + lasers * self.plane, self.laser))
 
-    @staticmethod
-    def joined(parts: list[LaserSums]) -> LaserSums:
-        """Those of several scans in a row; groups are counted in each. The list is emptied: parts go once they are in place."""
-        group, plane, laser = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("group", "plane", "laser")
-        )
-        cross = np.empty((len(group), *parts[0].cross.shape[1:]), np.float32)
-        gram = np.empty((len(group), parts[0].gram.shape[1]), np.float32)
-        begin = 0
-        parts.reverse()
-        while parts:
-            part = parts.pop()
-            mine = slice(begin, begin + len(part.cross))
-            cross[mine], gram[mine] = part.cross, part.gram
-            begin = mine.stop
-        return LaserSums(group, plane, laser, cross, gram)
-
 
 def collapse_features(
     hits: Hits,

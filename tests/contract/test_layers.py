@@ -26,6 +26,7 @@ RECORDS = {
     "sigmas",
     "record_files",
     "memoised",
+    "growing",
 }
 
 #: Part of calib_core -> parts it may import besides itself and RECORDS.

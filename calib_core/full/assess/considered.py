@@ -11,13 +11,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.full.assess.settings import WORDING
+from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.solver.arrow import solve_arrow
 from calib_core.solver.information import covariance
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, IntArray
 
 
 @dataclass(frozen=True)
@@ -49,6 +51,13 @@ def consider(problem: JointProblem, estimate: Estimate, sensors: Nuisance) -> Co
     shift, seven = moved * sensors.prior_std, moved @ sensors.prior_root / UNITS[:, None]
     value = estimate.sensors.onto(estimate.sensors.blocks.sensors).values + solution.step_shared[own]
     return Considered(seven @ seven.T, shift, value, parameter_std(solution.information, own, free))
+
+
+def beyond_noise(solved: Solved, own: slice, values: FloatArray) -> IntArray:
+    """Which of the parameters in columns `own` noise alone would not put as far off as they are. values: (N,)."""
+    assert solved.minimum.solution is not None
+    std = parameter_std(solved.minimum.solution.information, own)
+    return np.flatnonzero(np.abs(values) > WORDING.off_sigmas * std)
 
 
 def parameter_std(information: FloatArray, own: slice, free: FloatArray | None = None) -> FloatArray:

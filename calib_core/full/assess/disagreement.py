@@ -142,11 +142,11 @@ def planes_at_once(clusters: Influences, block: IntArray, joint: FloatArray) -> 
 def unexplained_variance(
     problem: JointProblem,
     estimate: Estimate,
-    own: slice,
+    columns: IntArray,
     found: Iterable[Disagreement],
     told_apart: Iterable[ByLaser] = (),
 ) -> FloatArray:
-    """(N,) that the variances of the sensors' parameters lack, which are the shared unknowns of columns `own`.
+    """(N,) that the variances of the sensors' parameters lack, which are the shared unknowns of these columns (N,).
 
     found: what the seven disagree about. There each parameter takes its own part of it; and where it alone disagrees beyond what
     noise allows so many of them. What one way of taking the recording apart accounts for, no other adds again.
@@ -154,8 +154,8 @@ def unexplained_variance(
     """
     ways, _ = _ways(problem, estimate)
     beyond = {each.name for each in found if each.is_beyond_noise}
-    lacking = np.zeros(own.stop - own.start)
-    for some, of in parameter_influences(problem, estimate, own, told_apart):
+    lacking = np.zeros(len(columns))
+    for some, of in parameter_influences(problem, estimate, columns, told_apart):
         for name, clusters in ways.clusters(of).items():
             excess = np.sum(clusters.moved**2 - clusters.allowed, axis=0)
             if name not in beyond:

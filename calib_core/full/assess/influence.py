@@ -126,20 +126,21 @@ def factor_influences(
 
 
 def parameter_influences(
-    problem: JointProblem, estimate: Estimate, own: slice, told_apart: Iterable[ByLaser] = ()
+    problem: JointProblem, estimate: Estimate, columns: IntArray, told_apart: Iterable[ByLaser] = ()
 ) -> Iterator[tuple[IntArray, FactorInfluences]]:
-    """The same on shared unknowns of columns `own`, some at a time, each by itself: which of them, counted from the first.
+    """The same on shared unknowns of these columns (N,), some at a time, each by itself: which of the N.
 
     Raises NotPositiveDefinite.
     """
     equations, parts = problem.linearise(estimate), list(told_apart)
     eliminated = Eliminated.of(equations)
-    every = np.arange(own.start, own.stop)
+    every = np.arange(len(columns))
     for first in range(0, len(every), PARTS.parameters_at_once):
-        some = every[first : first + PARTS.parameters_at_once]
+        which = every[first : first + PARTS.parameters_at_once]
+        some = columns[which]
         along, border = eliminated.unit_responses(equations, some)
         of = _responses(problem, estimate, along, border, alone=True)
-        yield some - own.start, _influences(of, parts, border[some])
+        yield which, _influences(of, parts, border[some])
 
 
 def _responses(
@@ -214,11 +215,13 @@ def _of_lasers(of: _Responses, told_apart: Iterable[ByLaser]) -> Influences:
     for part in told_apart:
         if len(out.moved) == 0:
             out = Influences.none(part.lasers, of.unknowns, alone=of.alone)
-        lidar, bins = part.factors, part.factors.bins
-        a, J = lidar.bins_seen(of.estimate)
-        Q = _response(J, bins.knot, bins.plane, of)
-        F, change = _features(lidar, of)
-        laser_influences_kernel(bins.lasers.clusters(), a, Q, F, change, out.moved, out.allowed)
+        lidar, knots = part.factors, len(of.along)
+        rates, (F, change) = lidar.rates(of.estimate), _features(lidar, of)
+        for first in range(0, knots, CHAIN.knots_at_once):
+            own = lidar.between(first, min(first + CHAIN.knots_at_once, knots))
+            a, J = own.bins_seen(of.estimate, rates)
+            Q = _response(J, own.bins.knot, own.bins.plane, of)
+            laser_influences_kernel(own.bins.lasers.clusters(), a, Q, F, change, out.moved, out.allowed)
     return out
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from calib_core.full.assess.considered import parameter_std
+from calib_core.full.assess.considered import beyond_noise
+from calib_core.full.assess.disagreement import unexplained_variance
 from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.prepare.nuisance import MATERIAL
 from calib_core.sigmas import two_digits
+from calib_core.solver.information import covariance
+from calib_core.types import FloatArray, IntArray
 
 
 def told_materials(solved: Solved) -> tuple[tuple[str, str], ...]:
@@ -20,11 +23,11 @@ def told_materials(solved: Solved) -> tuple[tuple[str, str], ...]:
     place = solved.nuisance.places.get(MATERIAL)
     if place is None:
         return ()
-    assert solved.minimum.solution is not None
-    start = solved.problem.layout(solved.estimate).nuisance().start
-    std = parameter_std(solved.minimum.solution.information, slice(start + place.start, start + place.stop))
+    start = solved.problem.layout(solved.estimate).nuisance().start + place.start
     long_m = -solved.estimate.sensors.of(MATERIAL)
-    off = np.flatnonzero(np.abs(long_m) > WORDING.off_sigmas * std)
+    off = beyond_noise(solved, slice(start, start + len(long_m)), long_m)
+    if len(off):
+        off = off[np.abs(long_m[off]) > WORDING.off_sigmas * _std_m(solved, start + off)]
     if len(off) == 0:
         return ()
     worst = off[np.argmax(np.abs(long_m[off]))]
@@ -35,3 +38,10 @@ def told_materials(solved: Solved) -> tuple[tuple[str, str], ...]:
         f"soft walls may{more}; ranges were corrected for it"
     )
     return (("planes.material", text),)
+
+
+def _std_m(solved: Solved, columns: IntArray) -> FloatArray:
+    """Of the materials in these columns, with what parts of the recording disagree about each: one plane has many places."""
+    assert solved.minimum.solution is not None
+    by_noise = np.diag(covariance(solved.minimum.solution.information).matrix)[columns]
+    return np.sqrt(np.maximum(by_noise, 0.0) + unexplained_variance(solved.problem, solved.estimate, columns, ()))

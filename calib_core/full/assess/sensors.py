@@ -41,11 +41,14 @@ class SensorFindings:
         return next((each for each in self.parameters if each.block == block), None)
 
 
-def sensor_findings(solved: Solved, considered: Considered | None, unexplained: FloatArray) -> SensorFindings:
+def sensor_findings(
+    solved: Solved, considered: Considered | None, unexplained: FloatArray, *, torn: bool
+) -> SensorFindings:
     """Of a solved recording. considered: where the parameters were held.
 
     unexplained: (N,) what their variances lack where parts of the recording disagree. What is no plane bends the sensors, too:
     with a bent wall that somebody kept, an ideal lidar's beams read long by 13 of their own sigmas.
+    torn: stretches of time contradict each other. What is found has sigmas that nobody may rely on, and is claimed of no sensor.
     """
     sensors = solved.nuisance.sensors
     if not sensors.blocks:
@@ -81,7 +84,7 @@ def sensor_findings(solved: Solved, considered: Considered | None, unexplained: 
                         "std": float(own_std),
                         "prior_std": float(prior),
                         "state": state,
-                        "significant": bool(abs(value) > WORDING.off_sigmas * own_std),
+                        "significant": bool(abs(value) > WORDING.off_sigmas * own_std) and not torn,
                         "shift": shift,
                     }
                 )

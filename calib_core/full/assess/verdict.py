@@ -80,9 +80,10 @@ def require_rotation(knowledge: Knowledge) -> None:
 def answer(run: Run, solved: Solved, trust: Confidence, lidar: LidarTrack) -> Answer:
     """The answer in the map frame, as the document wants it. lidar: as it was followed before the solve."""
     e, knowledge = solved.estimate, trust.knowledge
-    sensors = sensor_findings(solved, trust.considered, trust.sensors_unexplained)
+    sensors = sensor_findings(solved, trust.considered, trust.sensors_unexplained, torn=trust.is_torn)
     counted = told_considered(sensors.parameters, knowledge.covariance)
-    told = (*sensors.sentences, *told_materials(solved), *counted, *told_cost(run, solved, trust.considered))
+    materials = () if trust.is_torn else told_materials(solved)
+    told = (*sensors.sentences, *materials, *counted, *told_cost(run, solved, trust.considered))
     imu, clock = e.sensors.imu(), sensors.find("clock_rate")
     rate = run.recording.imu.gyro_rad_s
     turning_std_rad_s = np.sqrt(np.mean((rate - rate.mean(axis=0)) ** 2, axis=0))

@@ -41,6 +41,10 @@ class Near(NamedTuple):
     rests: bool
     moved: float
 
+    def is_restless(self, settling: Settling) -> bool:
+        """Whether its rounds ended because none came nearer to rest than those before."""
+        return not self.rests and self.moved >= settling.judged
+
 
 def settle(data: JointData, state: Estimation, settling: Settling, sampling: Sampling) -> Estimation:
     """With a part of the points, as near to rest as they come."""
@@ -57,7 +61,8 @@ def near_rest(
     soon: int | None = None,
 ) -> Near:
     """The same, and whether that is on the way to rest: rounds that move points farther and farther end where they moved least.
-    So do those that still move them by much after `soon` rounds, where that is asked for.
+    So do those that still move them by much after `soon` rounds, where that is asked for. Rounds that go to and fro by much, none
+    nearer to rest than those before, end where they are.
 
     judge: asked as soon as rounds hardly move, or cease to move less, and once more of what stays; from what it leaves, all
     begins anew.   turns: most times that it does.
@@ -99,6 +104,8 @@ def _rounds_to_rest(
             stillest = replace(stillest, rounds=state.rounds, iterations=state.iterations)
             stillest = associate(data, stillest, gate, stride=coarse_stride(data, stillest, sampling))
             return Near(stillest, rests=False, moved=min(history.moves))
+        if is_restless(history.moves, settling):
+            return Near(state, rests=False, moved=moved)
     return Near(state, rests=True, moved=history.moves[-1])
 
 
@@ -227,6 +234,23 @@ def goes_away(moves: Sequence[float], settling: Settling) -> bool:
     return growing and last[-1] > settling.times_farther * min(moves)
 
 
+def is_restless(moves: Sequence[float], settling: Settling) -> bool:
+    """Whether rounds come no nearer to rest: the last of them all moved points by much, and by as much as those before."""
+    some = settling.restless
+    last, before = moves[-some:], moves[:-some]
+    return len(before) >= some and min(last) >= max(settling.judged, settling.stalled * min(before))
+
+
+def is_lost(decreases: Sequence[float], settling: Settling) -> bool:
+    """Whether descents lead to no fixed point: each of the last predicted much at its start, and as much as those before.
+
+    What one about the point where the one before had ended still has to find is a part of what that one found, where there is a
+    point that they lead to.
+    """
+    last, before = decreases[-settling.lost :], decreases[: -settling.lost]
+    return bool(before) and min(last) >= max(settling.lost_decrease, settling.stalled * min(before))
+
+
 def alternate(
     data: JointData, state: Estimation, settling: Settling, sampling: Sampling, shared: SharedEquations | None = None
 ) -> tuple[Estimation, JointProblem]:
@@ -234,20 +258,22 @@ def alternate(
 
     shared: has the equations of its last steps after it.
 
-    Raises Refused where the calibration still moves after the last round.
+    Raises Refused where the calibration still moves after the last round, or where descents led to no fixed point twice: points
+    that are given anew once may well show them one.
     """
     last = state.rounds + settling.descents(data.run.settings.max_rounds)
-    k, shared = 0, shared or SharedEquations()
+    k, lost, shared = 0, 0, shared or SharedEquations()
     shared.kept = None  # of other unknowns, or of a part of the points
     while True:
         state = associate(_nearer(data, k, WATCHING.resting_round), state, gate_of(state, 0.0, sampling), stride=1)
         before = state.without_points()
-        state, problem = to_fixed_point(
+        state, problem, arrived = to_fixed_point(
             data, state, settling, most=min(data.run.settings.max_rounds, last - state.rounds), shared=shared
         )
+        lost += not arrived
         if moved_in_gate(problem, before.estimate, state.estimate) < settling.settled:
             return state, problem
-        if state.rounds >= last:
+        if state.rounds >= last or lost >= settling.anew:
             require_rest(before, state, settling.unsettled_sigmas)
             return state, problem
         state, k = state.without_points(), k + 1
@@ -256,15 +282,16 @@ def alternate(
 
 def to_fixed_point(
     data: JointData, state: Estimation, settling: Settling, *, most: int, shared: SharedEquations
-) -> tuple[Estimation, JointProblem]:
-    """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many.
+) -> tuple[Estimation, JointProblem, bool]:
+    """Solve, preintegrate about the new biases, solve again, until nothing changes or there were so many. And whether that led
+    to such a point, or so far: not where descents are lost.
 
     Each descent finds a part of what the one before it did, and each step within one; what is left after a step that is told by
     that to be the last is not looked at. Where steps are used up and the calibration stands still, more of them would be along
     what hardly anything tells, a drift down a street.
     """
     last, tolerance = state.rounds + most, settling.least_decrease
-    before: float | None = None
+    firsts: list[float] = []
     problem: JointProblem | None = None
     while True:
         problem, start = None, state  # two problems at once would be the most memory of a solve
@@ -275,14 +302,16 @@ def to_fixed_point(
         assert state.minimum is not None
         is_along_a_valley = state.minimum.outcome in (Outcome.EXHAUSTED, Outcome.CREEPING)
         if is_along_a_valley and stands_still(start, state, settling.stands_sigmas):
-            return state, problem
+            return state, problem, True
         first = state.minimum.first_decrease
-        next_one = first if before is None else first * min(1.0, first / before)
+        next_one = first * min(1.0, first / firsts[-1]) if firsts else first
+        firsts.append(first)
         small = first < settling.fixed_point or next_one < settling.least_decrease
         if (small and state.minimum.outcome is not Outcome.SINGULAR) or state.rounds >= last:
-            return state, problem
+            return state, problem, True
+        if is_lost(firsts, settling):
+            return state, problem, False
         tolerance = last_step(state.minimum, settling)
-        before = first
 
 
 def stands_still(before: Estimation, after: Estimation, sigmas: float) -> bool:

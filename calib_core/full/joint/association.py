@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from calib_core.factors.lidar_plane import Gate, Hits, LidarNoise, NearHits, as_sieved, near_hits, select
 from calib_core.factors.support import ExtentSurvey, PlaneExtents
 from calib_core.full.joint.doubtful_planes import face_three_ways
-from calib_core.full.joint.many_scans import OnScans, ignore, one_after_another, over_batches, over_scans
+from calib_core.full.joint.many_scans import OnScans, ignore, over_batches
 from calib_core.full.joint.moments import Micro
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.view import View
@@ -50,10 +50,10 @@ def associate(
 
     if cap is None:
         return _joined(view, over_batches(view, positions, stride, some, on_scans))
-    return _joined(view, over_scans(view, positions, lambda position: some([position]), on_scans))
+    return _joined(view, over_batches(view, positions, stride, some, on_scans, most=1))
 
 
-def _joined(view: View, parts: list[Micro]) -> Micro:
+def _joined(view: View, parts: Iterable[Micro]) -> Micro:
     micro = Micro.joined(parts)
     for lasers in (micro.lasers, micro.apart):
         if lasers is not None:
@@ -102,7 +102,7 @@ def survey(
             off=(SURVEYING.off_sigmas, gate.extra_m),
         )
 
-    for near in one_after_another(view, positions, stride, some):
+    for near in over_batches(view, positions, stride, some):
         total.add(near.plane, near.cell, near.on_plane, near.off)
     # Along a way that planes leave open the motion drifts, and what stands before a wall's end with it, into its cells.
     return total.finish(within, aloof=not face_three_ways(view.estimate.normals))

@@ -104,7 +104,7 @@ def patch_sums(
             np.bincount(patch, weight * hits.d[keep], patches.count + 1)[:-1].astype(np.float64),
         )
 
-    parts = over_batches(view, state.positions, stride, some)
+    parts = list(over_batches(view, state.positions, stride, some))
     return np.sum([w for w, _ in parts], axis=0), np.sum([d for _, d in parts], axis=0)
 
 

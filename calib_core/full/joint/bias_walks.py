@@ -5,8 +5,9 @@ and of which the data leave a posterior covariance V, the estimate is a draw of 
 
     k^2 A^2 + A - A^2,      A = 1 - V
 
-where the walk is truly k times as fast: A where it is not. Held to a walk that is too slow, a drift is laid upon scales and axes
-of the accelerometer, and through gravity upon the rotation.
+where the walk is truly k times as fast: A where it is not. Where the data are off by m times what noise allows, as of walls that
+are not flat, the last two terms are m^2 times as large. Held to a walk that is too slow, a drift is laid upon scales and axes of
+the accelerometer, and through gravity upon the rotation, and upon what forces do to a gyroscope.
 """
 
 from __future__ import annotations
@@ -17,6 +18,9 @@ import numpy as np
 import scipy
 
 from calib_core.full.joint.estimation import Estimation, JointData
+from calib_core.full.joint.problem import JointProblem
+from calib_core.full.joint.residuals import misfit
+from calib_core.full.joint.round import gathered
 from calib_core.full.joint.settings import WANDERING
 from calib_core.full.joint.state_views import layout_of
 from calib_core.full.run import Run
@@ -25,24 +29,34 @@ from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
 
-def with_walks_told(data: JointData, state: Estimation) -> Estimation:
-    """With walks as fast as the biases' own steps tell; the same state where these are no greater than chance makes them."""
+def with_walks_told(data: JointData, state: Estimation, problem: JointProblem | None = None) -> Estimation:
+    """With walks as fast as the biases' own steps tell; the same state where these are no greater than chance makes them.
+
+    problem: that the state is the answer of, where somebody has it: of all points, a second one would be the most memory.
+    """
     information, layout = state.information, layout_of(data, state)
     # What comes and goes once, as a lift that starts, is no drift.
     if information is None or layout.nodes < 2 or state.untuned:
         return state
     spread = covariance(information).matrix
     times_s, e, before = data.nodes.times_s, state.estimate, state.priors
-    faster = [
-        times_faster(values, spread[columns, columns], walk * np.sqrt(np.diff(times_s)))
-        for values, columns, walk in (
-            (e.gyro_bias, layout.gyro_bias(), before.gyro_walk),
-            (e.accel_bias, layout.accel_bias(), before.accel_walk),
-        )
-    ]
-    if max(faster) <= 1.0:
+    walks = (
+        (e.gyro_bias, layout.gyro_bias(), before.gyro_walk),
+        (e.accel_bias, layout.accel_bias(), before.accel_walk),
+    )
+
+    def faster(off: float) -> list[float]:
+        return [
+            times_faster(values, spread[columns, columns], walk * np.sqrt(np.diff(times_s)), off=off)
+            for values, columns, walk in walks
+        ]
+
+    told = faster(1.0)
+    if max(told) > 1.0:  # which it hardly ever is; what misfits is asked only then
+        told = faster(max(misfit(problem or gathered(data, state), e), 1.0))
+    if max(told) <= 1.0:
         return state
-    priors = replace(before, gyro_walk=before.gyro_walk * faster[0], accel_walk=before.accel_walk * faster[1])
+    priors = replace(before, gyro_walk=before.gyro_walk * told[0], accel_walk=before.accel_walk * told[1])
     return replace(state, priors=priors)
 
 
@@ -52,9 +66,9 @@ def with_usual_walks(run: Run, state: Estimation) -> Estimation:
     return replace(state, priors=replace(state.priors, gyro_walk=gyro, accel_walk=accel))
 
 
-def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray) -> float:
+def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray, *, off: float) -> float:
     """k; 1 where the steps are within chance. values: (N, 3) at the nodes.   spread: (3 N, 3 N) covariance, node by node.
-    step_std: (N - 1,) what the walk makes of a step.
+    step_std: (N - 1,) what the walk makes of a step.   off: m^2, by how much more the data are off than noise allows.
     """
     if not (step_std > 0.0).all():
         return 1.0
@@ -67,10 +81,9 @@ def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray) -
         return 1.0
     # Of variance 2 tr A^2: a gamma law.
     shape, scale = 0.5 * mean**2 / by_square, 2.0 * by_square / mean
-    beyond_chance = square > scale * float(scipy.special.gammainccinv(shape, WANDERING.chance))
-    if not beyond_chance or square < WANDERING.share * 3 * (nodes - 1):
+    if square <= off * scale * float(scipy.special.gammainccinv(shape, WANDERING.chance)):
         return 1.0
-    k = float(np.sqrt(max(1.0 + (square - mean) / by_square, 1.0)))
+    k = float(np.sqrt(max(off + (square - off * mean) / by_square, 1.0)))
     return k if WANDERING.least < k < WANDERING.most else 1.0
 
 

@@ -47,6 +47,15 @@ def require_rest(before: Estimation, after: Estimation, unsettled_sigmas: float)
         _refuse(before, after, f"the solve did not come to rest in {after.rounds} rounds")
 
 
+def restless(state: Estimation, moved: float) -> Refused:
+    """The refusal of a state that comes no nearer to rest. moved: by the last round, in standard deviations of a point."""
+    return Refused(
+        "solve.unsettled",
+        f"the solve came no nearer to rest in {state.rounds} rounds: the last one still moved points by {moved:.2g} times what "
+        f"they scatter by; {_CURE}",
+    )
+
+
 def last_move(before: Estimation, after: Estimation) -> tuple[FloatArray, FloatArray]:
     """What the calibration moved by, and its standard deviations: (7,) each [rad, m, s]; infinite where unknown."""
     priors = after.priors
@@ -107,8 +116,9 @@ def _require_near_start(data: JointData, state: Estimation) -> None:
     if abs(away_s) > limits.offset_sweeps * sweep_s:
         raise Refused(
             "solve.offset_ran_away",
-            f"the solve moved the time offset by {away_s:+.2f} s from where the turning of the lidar and that of the IMU "
-            f"agree, more than a sweep of {sweep_s:.2f} s; {_CURE}",
+            f"no motion of the rig explains what the lidar saw of the planes: the best that the solve finds is "
+            f"{abs(away_s):.2f} s, more than a sweep of {sweep_s:.2f} s, from the time offset at which lidar and IMU turn "
+            f"alike; {_CURE}",
         )
     arm_m = float(np.linalg.norm(e.p_imu_lidar))
     std_m = float(_std(state)[TRANSLATION].max())

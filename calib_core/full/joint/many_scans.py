@@ -31,19 +31,13 @@ def over_batches(
     on_scans: OnScans = ignore,
     *,
     most: int | None = None,
-) -> list[T]:
-    """A job for every few scans in a row: of thinned scans, a single one would not be worth the call.
+) -> Iterator[T]:
+    """A job for every few scans in a row: of thinned scans, a single one would not be worth the call. Results are handed on one
+    by one while the next are at work.
 
     most: scans in a job; None for as many as hold points for one.
     """
-    return list(_over(view, positions, _batches(view, positions, stride, most), job, on_scans))
-
-
-def one_after_another(
-    view: View, positions: Sequence[int], stride: int, job: Callable[[Sequence[int]], T]
-) -> Iterator[T]:
-    """The same, handed on one by one while the next are at work."""
-    return _over(view, positions, _batches(view, positions, stride, None), job, ignore)
+    return _over(view, positions, _batches(view, positions, stride, most), job, on_scans)
 
 
 def _batches(view: View, positions: Sequence[int], stride: int, most: int | None) -> list[list[int]]:

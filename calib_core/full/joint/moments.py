@@ -6,6 +6,7 @@ has moved since only moves moments: to the nearest knot, where those of one plan
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from calib_core.factors.lidar_plane import move_and_sum
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.state import Bins, Estimate, no_bins
+from calib_core.growing import Growing
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -49,16 +51,6 @@ class LaserMicro:
         sums = LaserSums(of.group[some], of.plane[some], of.laser[some], of.cross[some], of.gram[some])
         return LaserMicro(self.time_s[some], self.scan[some], sums)
 
-    @staticmethod
-    def joined(parts: list[LaserMicro]) -> LaserMicro | None:
-        """Those of several scans in a row, None of none. The list is emptied (`LaserSums.joined`)."""
-        if not parts:
-            return None
-        time_s = np.concatenate([part.time_s for part in parts])
-        scan, sums = np.concatenate([part.scan for part in parts]), [part.sums for part in parts]
-        parts.clear()
-        return LaserMicro(time_s, scan, LaserSums.joined(sums))
-
 
 @dataclass(frozen=True)
 class Micro:
@@ -79,25 +71,38 @@ class Micro:
     time_offset_s: float = 0.0
 
     @staticmethod
-    def joined(parts: list[Micro]) -> Micro:
-        """Those of several scans in a row. The list is emptied: moments, which are most of it, would be there twice."""
-        time_s, scan, plane, count = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("time_s", "scan", "plane", "count")
-        )
-        laid_out_at, time_offset_s = parts[0].laid_out_at, parts[0].time_offset_s
-        lasers = [part.lasers for part in parts if part.lasers is not None]
-        apart = [part.apart for part in parts if part.apart is not None]
-        scatter, end = np.empty((len(plane), *parts[0].scatter.shape[1:])), len(plane)
-        while parts:
-            own = parts.pop().scatter
-            scatter[end - len(own) : end] = own
-            end -= len(own)
-        told_apart, beside = LaserMicro.joined(lasers), LaserMicro.joined(apart)
-        return Micro(time_s, scan, plane, scatter, count, told_apart, beside, laid_out_at, time_offset_s)
+    def joined(parts: Iterable[Micro]) -> Micro:
+        """Those of several scans in a row, each gone once it is in place: moments are most of what a solve holds."""
+        own, lasers, apart = Growing("time_s", "scan", "plane", "scatter", "count"), _GrowingLasers(), _GrowingLasers()
+        laid_out_at, time_offset_s = SensorState(), 0.0
+        for part in parts:
+            own.append(part)
+            lasers.append(part.lasers)
+            apart.append(part.apart)
+            laid_out_at, time_offset_s = part.laid_out_at, part.time_offset_s
+        time_s, scan, plane, scatter, count = own.arrays()
+        return Micro(time_s, scan, plane, scatter, count, lasers.micro(), apart.micro(), laid_out_at, time_offset_s)
 
     def part(self, some: BoolArray) -> Micro:
         """Those of a mask (B,), without the lasers' moments."""
         return Micro(self.time_s[some], self.scan[some], self.plane[some], self.scatter[some], self.count[some])
+
+
+class _GrowingLasers:
+    """Moments of lasers, scan after scan; groups are counted in each part."""
+
+    def __init__(self) -> None:
+        self._own, self._sums = Growing("time_s", "scan"), Growing("group", "plane", "laser", "cross", "gram")
+
+    def append(self, part: LaserMicro | None) -> None:
+        if part is not None:
+            self._own.append(part)
+            self._sums.append(part.sums)
+
+    def micro(self) -> LaserMicro | None:
+        """All of them; None of none."""
+        own, sums = self._own.arrays(), self._sums.arrays()
+        return LaserMicro(own[0], own[1], LaserSums(*sums)) if own else None
 
 
 def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:

@@ -242,6 +242,17 @@ class Settling:
     #: many times the least of them all, go away from rest.
     farther: int = 3
     times_farther: float = 4.0
+    #: measured: of recordings that came to rest none took more than four rounds to leave planes where they are, or six with a
+    #: person among them. With a hum near half of the IMU's rate, rounds moved points by 0.15 to 0.8 of their scatter for as long
+    #: as there were any. So many, after as many, none of which comes nearer to rest, lead nowhere.
+    restless: int = 4
+    #: measured: descents with all points find 1e4, then 6, then 0.001 where there is a fixed point; in a lift they found 2e5,
+    #: 1e6, 2e6, 5e6, and so for 36, in 90 s. So many in a row that all predict more than a step of a sigma, and as much as those
+    #: before, lead to none;
+    lost: int = 3
+    lost_decrease: float = 1.0
+    #: derived: nor do those with points given anew where they are lost as well: with those given a third time all is as it was.
+    anew: int = 2
 
     def descents(self, most_fixed_point: int) -> int:
         """Most descents with all points. most_fixed_point: under one association."""

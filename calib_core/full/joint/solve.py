@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from calib_core.factors.support import CELL_M, PlaneExtents
-from calib_core.full.joint.alternation import alternate, near_rest, settle
+from calib_core.full.joint.alternation import Near, alternate, near_rest, settle
 from calib_core.full.joint.bent_surfaces import (
     admit_surface,
     is_bent_wall,
@@ -19,7 +19,7 @@ from calib_core.full.joint.bent_surfaces import (
     unevenness_m,
 )
 from calib_core.full.joint.bias_walks import say_walks, with_walks_told
-from calib_core.full.joint.bounds import require_sensors, require_solution
+from calib_core.full.joint.bounds import require_sensors, require_solution, restless
 from calib_core.full.joint.estimation import COUNTING, Estimation, JointData, Solved
 from calib_core.full.joint.plane_judgement import (
     settle_without_doubtful,
@@ -98,7 +98,19 @@ def estimate_further(run: Run, solved: Solved, schedule: Schedule) -> Solved:
     sensors = unknowns_of(run)
     data = replace(solved.data, run=run, sensors=sensors)
     state = admit_materials(data, replace(solved.state.with_priors_of(sensors), rounds=0))
-    return at_rest(data, settle(data, state, schedule.settling, schedule.sampling), schedule)
+    near = near_rest(data, state, schedule.settling, schedule.sampling)
+    return at_rest(data, restful(data, near, schedule), schedule)
+
+
+def restful(data: JointData, near: Near, schedule: Schedule) -> Estimation:
+    """The state near rest. Raises Refused where no round came nearer to it while the sensors' parameters are unknowns: tones and
+    all points would be asked for nothing, and held first, the sensors may well let it rest. Chosen planes are judged before.
+    """
+    assert schedule.settling is not None
+    held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
+    if near.is_restless(schedule.settling) and not (held or schedule.chosen):
+        raise restless(near.state, near.moved)
+    return near.state
 
 
 def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
@@ -108,7 +120,7 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     data.laid_out.forget()
     shared = SharedEquations()
     state, problem = alternate(data, state, schedule.settling, schedule.sampling, shared)
-    freed = with_walks_told(data, released(data, state))
+    freed = with_walks_told(data, released(data, state), problem)
     if freed is not state:
         del state, problem
         whole_again = data.portion(1.0, 1.0)
@@ -223,12 +235,9 @@ def settled(data: JointData, state: Estimation, schedule: Schedule) -> Estimatio
     """To rest with a part of the points, without planes that turn out to be none."""
     assert schedule.settling is not None
     rules = schedule.planes
-
-    if rules is None:
-        state = settle(data, state, schedule.settling, schedule.sampling)
-    else:
-        judge = partial(without_doubtful, data, schedule=schedule)
-        state = near_rest(data, state, schedule.settling, schedule.sampling, judge, rules.turns).state
+    judge = None if rules is None else partial(without_doubtful, data, schedule=schedule)
+    turns = 0 if rules is None else rules.turns
+    state = restful(data, near_rest(data, state, schedule.settling, schedule.sampling, judge, turns), schedule)
     state = settle_with_tones(data.portion(1.0, 1.0), state, schedule)
     wandering = with_walks_told(data, state)
     if wandering is not state:

@@ -77,5 +77,22 @@ def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_i
     assert with_cause(Refused("points.unit", "in millimetres"), [clipped]) == "in millimetres"
 
 
+def test_a_turning_about_one_axis_is_named_where_a_solve_broke() -> None:
+    """Seen of a spinner in a silo, "some planes are not flat" alone. Mutations: not named; before what breaks any model; of a
+    refusal that has its own reason; without what helps.
+    """
+    one = Message(
+        code="start.open_turn", level="info", text="all turning is about one axis: it starts where planes are plumb"
+    )
+    stuck = Message(code="imu.stuck", level="warning", text="The gyroscope's x axis is stuck.")
+    unsettled = Refused("solve.unsettled", "the solve did not come to rest; leave out what can move or bend")
+    assert with_cause(unsettled, [one]) == (
+        "as far as the lidar could be followed, all turning is about one axis; that may be why the solve did not come to rest; "
+        "leave out what can move or bend, and turn the rig about the other axes too"
+    )
+    assert with_cause(unsettled, [one, stuck]).startswith("the gyroscope's x axis is stuck; that may be why")
+    assert with_cause(Refused("points.unit", "in millimetres"), [one]) == "in millimetres"
+
+
 def _raise(error: Exception) -> None:
     raise error

@@ -30,19 +30,47 @@ def test_an_end_that_determines_nothing_is_refused(monkeypatch: pytest.MonkeyPat
     assert refused.value.code == "solve.diverged"
 
 
-def test_sensors_are_less_sure_by_what_parts_disagree_about(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Mutation: the model's own sigmas handed on."""
+@pytest.mark.parametrize("torn", [False, True])
+def test_sensors_are_less_sure_by_what_parts_disagree_about(monkeypatch: pytest.MonkeyPatch, torn: bool) -> None:
+    """Mutations: the model's own sigmas handed on; whether stretches of time contradict each other not."""
 
     class Asked(Exception):
         pass
 
-    def asked(_solved: object, _considered: object, unexplained: object) -> None:
-        raise Asked(unexplained)
+    def asked(_solved: object, _considered: object, unexplained: object, *, torn: bool) -> None:
+        raise Asked(unexplained, torn)
 
     monkeypatch.setattr(verdict, "sensor_findings", asked)
     nothing: Any = SimpleNamespace(estimate=None)
-    trust: Any = SimpleNamespace(knowledge=None, considered=None, sensors_unexplained=2.4)
-    with pytest.raises(Asked, match=r"2\.4"):
+    trust: Any = SimpleNamespace(knowledge=None, considered=None, sensors_unexplained=2.4, is_torn=torn)
+    with pytest.raises(Asked, match=rf"2\.4, {torn}"):
+        verdict.answer(nothing, nothing, trust, nothing)
+
+
+@pytest.mark.parametrize("torn", [False, True])
+def test_materials_are_not_told_where_stretches_of_time_contradict_each_other(
+    monkeypatch: pytest.MonkeyPatch, torn: bool
+) -> None:
+    """Mutations: told all the same; never."""
+
+    class Told(Exception):
+        pass
+
+    def told(who: str) -> Any:
+        def tell(*_: object) -> None:
+            raise Told(who)
+
+        return tell
+
+    found = SimpleNamespace(parameters=(), sentences=())
+    monkeypatch.setattr(verdict, "sensor_findings", lambda *_, **__: found)
+    monkeypatch.setattr(verdict, "told_considered", lambda *_: ())
+    monkeypatch.setattr(verdict, "told_materials", told("materials"))
+    monkeypatch.setattr(verdict, "told_cost", told("cost"))  # is told next
+    nothing: Any = SimpleNamespace(estimate=None)
+    knowledge = SimpleNamespace(covariance=None)
+    trust: Any = SimpleNamespace(knowledge=knowledge, considered=None, sensors_unexplained=0.0, is_torn=torn)
+    with pytest.raises(Told, match="cost" if torn else "materials"):
         verdict.answer(nothing, nothing, trust, nothing)
 
 

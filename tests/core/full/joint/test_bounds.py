@@ -28,9 +28,8 @@ def test_an_offset_more_than_a_sweep_away_from_both_sensors_turning_is_refused(h
     require_bounds(half.data, half.state, moved(half.state, offset_s=0.08))
     for far_s in (-0.12, 8.8):
         away = moved(half.state, offset_s=far_s)
-        with pytest.raises(
-            Refused, match=re.escape(f"the time offset by {far_s:+.2f} s from where the turning")
-        ) as refused:
+        said = f"no motion of the rig explains what the lidar saw of the planes: the best that the solve finds is {abs(far_s)}"
+        with pytest.raises(Refused, match=re.escape(said)) as refused:
             require_bounds(half.data, away, away)
         assert refused.value.code == "solve.offset_ran_away"
 

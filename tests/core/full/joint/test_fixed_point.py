@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from calib_core.full.joint import alternation as room
 from calib_core.full.joint.alternation import stands_still, to_fixed_point
-from calib_core.full.joint.policies import Settling
+from calib_core.full.joint.policies import Sampling, Settling
+from calib_core.settings import CalibrateSettings
 from calib_core.solver.levenberg import Minimum, Outcome, SharedEquations
 
 
@@ -70,6 +71,58 @@ def test_descents_end_where_the_next_would_find_nothing(
     to_fixed_point(unused, start, Settling(), most=20, shared=shared)
     assert len(asked) == taken
     assert asked == pytest.approx(last_steps[:taken], rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("firsts", "taken", "arrives"),
+    [
+        ([2e5, 1e6, 2e6, 5e6, 3e6, 2e6], 4, False),  # seen: a lift's start and end, taken for the rig's own motion
+        ([1e4, 6.0, 1e-4], 3, True),  # seen: a hand in a room
+        ([2e3, 9e3, 400.0, 3e3, 1e-4], 5, True),  # one that the first has thrown off comes back
+        ([0.9, 0.8, 0.7, 0.6, 0.6, 1e-4], 6, True),  # less than a sigma: next to the end
+    ],
+)
+def test_descents_that_predict_as_much_again_and_again_are_lost(
+    monkeypatch: pytest.MonkeyPatch, firsts: list[float], taken: int, arrives: bool
+) -> None:
+    """36 of them took 90 s, of a recording of 11. Mutations: all are made; one that predicts more is lost; however little."""
+    left = iter(firsts)
+
+    def descend(_: object, state: Any, **__: object) -> tuple[Any, None]:
+        first, nothing = next(left), cast("Any", None)
+        minimum = Minimum(nothing, 0.0, SimpleNamespace(predicted_decrease=0.5 * first), Outcome.CONVERGED, 1, first)  # type: ignore[arg-type]
+        return SimpleNamespace(rounds=state.rounds + 1, minimum=minimum), None
+
+    monkeypatch.setattr(room, "descend", descend)
+    unused: Any = None
+    start: Any = SimpleNamespace(rounds=0)
+    after, _, arrived = to_fixed_point(unused, start, Settling(), most=20, shared=SharedEquations())
+    assert (after.rounds, arrived) == (taken, arrives)
+
+
+@pytest.mark.parametrize(("arrivals", "taken"), [([False, False, True], 2), ([False, True, True, True], 4)])
+def test_points_are_given_anew_to_lost_descents_once(
+    monkeypatch: pytest.MonkeyPatch, arrivals: list[bool], taken: int
+) -> None:
+    """And what moves is refused then. Mutations: again until the rounds are used up; not once; those that arrive count too."""
+    told: list[int] = []
+    state: Any = SimpleNamespace(rounds=0, estimate=None)
+    state.without_points = lambda: state
+
+    def descended(*_: object, **__: object) -> tuple[Any, None, bool]:
+        state.rounds += 1
+        return state, None, arrivals[state.rounds - 1]
+
+    same: Any = lambda _, state, *__, **___: state  # noqa: E731
+    moved = lambda *_: 1.0 if state.rounds < 4 else 0.0  # noqa: E731
+    for name, step in {"associate": same, "to_fixed_point": descended, "moved_in_gate": moved}.items():
+        monkeypatch.setattr(room, name, step)
+    monkeypatch.setattr(room, "gate_of", lambda *_: None)
+    monkeypatch.setattr(room, "require_rest", lambda *_: told.append(state.rounds))
+    data: Any = SimpleNamespace(run=SimpleNamespace(settings=CalibrateSettings()), portion=lambda *_: data)
+    room.alternate(data, state, Settling(), Sampling())
+    assert state.rounds == taken
+    assert told == [taken] * (taken == 2)
 
 
 def test_the_calibration_stands_still_where_none_of_the_seven_has_moved(monkeypatch: pytest.MonkeyPatch) -> None:

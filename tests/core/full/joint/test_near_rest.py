@@ -305,6 +305,25 @@ def test_what_has_to_be_at_rest_soon_and_is_not_ends(
     assert (done, found) == (rounds, rests)
 
 
+@pytest.mark.parametrize(
+    ("moved", "rounds", "rests"),
+    [
+        ([0.43, 0.54, 0.27, 0.21, 0.25, 0.28, 0.32, 0.155, 0.2, 0.8], 8, False),  # seen: a hum at half the IMU's rate
+        ([0.9, 0.8, 0.7, 0.75, 0.8, 0.7, 0.4, 0.66, 0.2, 1e-7], 10, True),  # one of the last is much nearer
+        ([0.3, 0.2, 0.099, 0.05, 0.07, 0.08, 0.06, 0.07, 0.02, 1e-7], 10, True),  # to and fro, and where they are
+    ],
+)
+def test_rounds_of_which_none_comes_nearer_to_rest_end(
+    monkeypatch: pytest.MonkeyPatch, moved: list[float], rounds: int, rests: bool
+) -> None:
+    """Where they are. Mutations: all are made; a little nearer is none; however little they move; taken for at rest."""
+    moves = iter(moved)
+    data, start = _rounds_of(monkeypatch, lambda *_: next(moves), descend=_gone_on, survey=lambda _, s, *__: s)
+    near = settling.near_rest(data, _Pointed(0.0, start.support), Settling(), Sampling())
+    after: Any = near.state
+    assert (after.estimate, near.rests, near.is_restless(Settling())) == (rounds, rests, not rests)
+
+
 class _Points:
     """Points as they were given to planes, which somebody may hold on to."""
 

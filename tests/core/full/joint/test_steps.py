@@ -16,7 +16,7 @@ from calib_core.full.joint.alternation import Near
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.policies import Steadying, Tones
 from calib_core.full.joint.replay import load_estimation, save_estimation
-from calib_core.full.joint.schedule import CHOSEN, FULL, Schedule
+from calib_core.full.joint.schedule import CHOSEN, FULL, PARTLY, Schedule
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
@@ -58,7 +58,7 @@ def test_a_recording_enters_each_step_once_and_is_told_before_it(
 ) -> None:
     """Mutations: tell the state after the step; leave a step out; begin one step late."""
     told: list[tuple[str, int]] = []
-    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state: state)
+    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state, *_: state)
     state = replace(half.state, rounds=0)
     data = replace(half.data, on_state=lambda name, known: told.append((name, known.rounds)))
     solve.estimate_jointly(data, state, FULL)
@@ -114,7 +114,7 @@ def test_sensors_that_chosen_boxes_lead_astray_end_the_solve_at_its_first_rest(
         raise Refused("solve.sensors_astray", "twelve times as large")
 
     monkeypatch.setattr(solve, "admit_rest", look)
-    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state: state)
+    monkeypatch.setattr(solve, "with_walks_told", lambda _data, state, *_: state)
     monkeypatch.setattr(solve, "require_solution", lambda _: None)
     monkeypatch.setattr(solve, "require_sensors", astray)
     with pytest.raises(Refused, match="twelve times"):
@@ -259,15 +259,45 @@ def test_a_patch_that_follows_another_surface_ends_the_shapes(
     bent_surfaces = Nuisance((NuisanceBlock("surface", ("1:0,0", "1:1,0"), np.full(2, 0.003)),))
     heights = SensorState(bent_surfaces, np.array([0.001, height_m]))
     uneven = replace(half.state, estimate=replace(half.state.estimate, sensors=heights))
-    monkeypatch.setattr(solve, "settle", lambda *_: half.state)
     soon: list[int] = []
-    near = Near(replace(uneven, rounds=77), rests, moved=0.0)
-    monkeypatch.setattr(solve, "near_rest", lambda *_, **more: soon.append(more["soon"]) or near)
+
+    def near(_data: JointData, state: Estimation, *_: object, **more: int) -> Near:
+        if not more:  # the first, to which nothing is bent yet
+            return Near(half.state, rests=True, moved=0.0)
+        soon.append(more["soon"])
+        return Near(replace(state, rounds=77), rests, moved=0.0)
+
+    monkeypatch.setattr(solve, "near_rest", near)
     monkeypatch.setattr(solve, "admit_surface", lambda *_: uneven)
     after = solve.settled(half.data, half.state, replace(FULL, planes=None))
     assert after.rounds == 77
     assert soon == [FULL.surfaces.rounds]
     assert (after.nuisance.size == 2) == kept
+
+
+@pytest.mark.parametrize("schedule", [FULL, replace(FULL, planes=None), PARTLY])
+@pytest.mark.parametrize("intrinsics", ["auto", "consider"])
+@pytest.mark.parametrize(("rests", "moved"), [(False, 0.3), (False, 0.05), (True, 0.3)])
+def test_sensors_that_let_nothing_rest_are_let_go_no_further(
+    half: Half, monkeypatch: pytest.MonkeyPatch, schedule: Schedule, intrinsics: str, rests: bool, moved: float
+) -> None:
+    """Of a hum at half the IMU's rate, tones and all points took minutes more, and then refused. Rounds that went away from where
+    they hardly moved have been there, held sensors are not let go, and planes that somebody chose are named first.
+
+    Mutations: gone on with; refused with held sensors too, or of chosen planes; of what went away.
+    """
+    settings = half.data.run.settings.model_copy(update={"intrinsics": intrinsics})
+    data = replace(half.data, run=replace(half.data.run, settings=settings))
+    monkeypatch.setattr(solve, "near_rest", lambda _data, state, *_, **__: Near(state, rests, moved))
+    monkeypatch.setattr(solve, "settle_with_tones", lambda *_: half.state.without_points())
+    for later in ("with_culprits_marked", "settle_without_doubtful", "admit_surface", "with_walks_told"):
+        monkeypatch.setattr(solve, later, lambda _data, state, *_: state)
+    if not rests and moved == 0.3 and intrinsics == "auto" and not schedule.chosen:
+        with pytest.raises(Refused, match="came no nearer to rest") as refused:
+            solve.settled(data, half.state, schedule)
+        assert refused.value.code == "solve.unsettled"
+        return
+    solve.settled(data, half.state, schedule)
 
 
 @pytest.mark.parametrize(

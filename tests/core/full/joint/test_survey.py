@@ -28,7 +28,7 @@ def test_planes_keep_away_from_what_stands_beside_them_where_they_leave_a_way_op
     Mutations: never; always, which costs a furnished room half of its points."""
     asked: list[bool] = []
     monkeypatch.setattr(ExtentSurvey, "finish", lambda _self, _within, *, aloof: asked.append(aloof))
-    monkeypatch.setattr(association, "one_after_another", lambda *_: [])
+    monkeypatch.setattr(association, "over_batches", lambda *_: [])
     view: Any = SimpleNamespace(estimate=SimpleNamespace(normals=np.array(normals)))
     association.survey(view, [], LidarNoise(0.01, 0.001), Gate(), stride=1)
     assert asked == [keeps_away]
