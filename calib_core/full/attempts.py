@@ -30,7 +30,7 @@ from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.kept_motion import KeptMotion
 from calib_core.full.joint.plane_choice import with_choice
-from calib_core.full.joint.plane_judgement import with_moving_marked
+from calib_core.full.joint.plane_judgement import with_strayed_marked
 from calib_core.full.joint.schedule import FULL, Schedule
 from calib_core.full.joint.solve import estimate_chosen, estimate_further, estimate_jointly, motion_by_all
 from calib_core.full.odometry.reference import Followed
@@ -182,7 +182,7 @@ def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> MotionByAll 
     data, first, _ = begin(freely, found, task.lidar, task.start, task.guess, FULL)
     try:
         state = kept.recall(run) or motion_by_all(kept.keeping(data), first, FULL)
-        state = with_moving_marked(data, state, FULL)
+        state = with_strayed_marked(data, state, FULL)
     except Refused:
         return None
     return MotionByAll(data, state, followed)

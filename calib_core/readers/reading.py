@@ -27,7 +27,7 @@ from calib_core.readers.scans import ScanCounts, StoredScans, Written, make_scan
 from calib_core.readers.sweep_assembly import Gathering
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.point_time import PointTiming
-from calib_core.readers.timing.stamps import plausible_stamps
+from calib_core.readers.timing.stamps import plausible_stamps, unevenness_ns
 from calib_core.settings import ReadSettings
 from calib_core.threads import usable_cores
 from calib_core.types import BoolArray, Clue, Finding, Scan
@@ -163,10 +163,19 @@ class Reading:
             )
 
     def stamped(self) -> HeaderTimes:
-        """The scans' stamps, of their first points, and when they were received."""
-        received_ns = dict(zip(self.indices, self.receive_ns, strict=True))
-        at_ns = [received_ns[index] for index in self.scans.message_indices]
-        return HeaderTimes(np.array(self.scans.stamps_ns, np.int64), np.array(at_ns, np.int64))
+        """The scans' stamps and when they were received, to tell whether a clock was set.
+
+        By their headers: when the first return was depends on what is in sight where a sweep begins. By their first points only
+        where these bear times of their own, which come more evenly than headers do.
+        """
+        rows = {index: row for row, index in enumerate(self.indices)}
+        here = [rows[index] for index in self.scans.message_indices]
+        header_ns, receive_ns = np.array(self.header_ns, np.int64)[here], np.array(self.receive_ns, np.int64)[here]
+        first_ns = np.array(self.scans.stamps_ns, np.int64)
+        unset = header_ns.size > 0 and bool((header_ns == header_ns[0]).all())
+        more_even = unset or unevenness_ns(first_ns) < unevenness_ns(header_ns)
+        by_points = self.timing.reference == "absolute" and more_even
+        return HeaderTimes(first_ns if by_points else header_ns, receive_ns)
 
     def keep(self, kept: BoolArray) -> None:
         """Go on with these scans alone. kept: (M,) of `stamped`."""

@@ -216,7 +216,9 @@ def test_what_disagrees_is_named_and_no_sentence_below_says_otherwise():
         run = SimpleNamespace(said=[])
         run.say = lambda *words: run.said.append(words)
         ways = ("time", "surfaces", "planes", "range", "lasers")
-        say_disagreement(run, [Disagreement(way, 1.74, more if way in beyond else nothing) for way in ways], more)
+        say_disagreement(
+            run, [Disagreement(way, 1.74, more if way in beyond else nothing) for way in ways], more, is_torn=False
+        )
         (level, code, text), evidence = run.said[0], world.make_evidence()
         said = Message(code=code, level=level, text=text)
         return world.make_result().model_copy(update={"evidence": evidence, "messages": [said]})

@@ -73,8 +73,7 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     say_shapes(run, solved.state.shape_shift, budget.beside_shapes)
     contradicted = _contradicted(run, solved, plain, budget, found)
     say_contradictions(run, contradicted)
-    moved = any(plane.chosen and plane.fault == "moved" for plane in solved.planes)
-    torn = is_torn(found, moved=moved)
+    torn = is_torn(found, solved.planes)
     say_disagreement(run, found, budget.disagreement, is_torn=torn)
 
     def known(added: FloatArray) -> Knowledge:

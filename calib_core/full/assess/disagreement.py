@@ -23,6 +23,7 @@ import scipy
 from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences, parameter_influences
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
+from calib_core.full.joint.estimation import MapPlane
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, Estimate
 from calib_core.full.joint.undetermined import UNDETERMINED
@@ -182,12 +183,12 @@ def disagreements(apart: Apart, covariance: FloatArray) -> list[Disagreement]:
     return [judge(name, each, whiten, root) for name, each in apart.clusters.items()]
 
 
-def is_torn(found: Sequence[Disagreement], *, moved: bool = False) -> bool:
+def is_torn(found: Sequence[Disagreement], planes: Sequence[MapPlane]) -> bool:
     """Whether stretches of time contradict each other. Walls that are not flat have their places disagree, not time.
 
-    moved: a chosen plane did not stand still in the motion that all structure has told: then any disagreement is its doing.
+    Where a chosen plane did not stand still in the motion that all structure has told, any disagreement is its doing.
     """
-    least = 1.0 if moved else PARTS.torn
+    least = 1.0 if any(plane.chosen and plane.strayed for plane in planes) else PARTS.torn
     return any(each.name == "time" and each.is_beyond_noise and each.ratio > least for each in found)
 
 

@@ -10,16 +10,17 @@ from calib_core.full.planes.plane_tests import WORDS, doubts, fault_of, is_mostl
 from calib_core.full.run import Run
 
 
-def say_doubtful_choice(run: Run, solved: Solved, *, faults_count: bool = True) -> None:
+def say_doubtful_choice(run: Run, solved: Solved, *, faults_count: bool = True, torn: bool = False) -> None:
     """Name the doubtful among the planes that a person chose: they count all the same.
 
-    faults_count: whether what moves or bends is said, too; what no point lies on is, always.
+    faults_count: whether what moves or bends is said, too; what no point lies on is, always.   torn: stretches of time contradict
+    each other, and what strayed in the motion by all is why: a plane that few others hold against is followed, and fits.
 
     Doubtful is also what was while gates were wide: narrow ones see of a box before a wall what lies near the plane.
     """
     stand = standings(solved.problem, solved.estimate)
     seen = [
-        (fault_of(row) or plane.fault) if faults_count else None
+        (fault_of(row) or plane.fault or ("moved" if torn and plane.strayed else "")) if faults_count else None
         for row, plane in zip(doubts(stand), solved.planes, strict=True)
     ]
     points = [count for _, count in plane_residuals(solved.problem, solved.estimate)]

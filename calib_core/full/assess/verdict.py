@@ -65,7 +65,7 @@ def weigh(run: Run, solved: Solved, *, is_choice: bool) -> Confidence:
     if is_choice:
         # Where planes are held wrong, others seem to move and to bend.
         held_wrong = any(each.what.startswith(PLANES) for each in trust.contradicted)
-        say_doubtful_choice(run, solved, faults_count=not held_wrong)
+        say_doubtful_choice(run, solved, faults_count=not held_wrong, torn=trust.is_torn)
     return trust
 
 

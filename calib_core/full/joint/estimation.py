@@ -31,7 +31,8 @@ class MapPlane:
 
     outline_m: (K, 3) as given, in the map frame: not in that of the solve, which drifts from it; None where there is none.
     fault: what was wrong with it while gates were wide, "" where nothing was.   chosen: a person wants it, doubtful or not.
-    late: it came into view on the way, and nobody was shown it.
+    late: it came into view on the way, and nobody was shown it.   strayed: it did not stand still in a motion that all structure
+    has told, of which it may be one of several that were blamed.
     """
 
     name: str
@@ -39,6 +40,7 @@ class MapPlane:
     fault: Fault = ""
     chosen: bool = False
     late: bool = False
+    strayed: bool = False
 
 
 @dataclass

@@ -46,7 +46,11 @@ def with_choice(
         counting = [
             q if which.index(k) < i or k < 0 else known[k] for i, (q, k) in enumerate(zip(counting, which, strict=True))
         ]
-    planes = tuple(q if k < 0 else replace(q, fault=state.planes[k].fault) for q, k in zip(planes, which, strict=True))
+    # What strayed in that motion is held against the answer; of two that are drawn on one surface, the first is it.
+    planes = tuple(
+        replace(q, strayed=state.planes[k].strayed) if k >= 0 and which.index(k) == i else q
+        for i, (q, k) in enumerate(zip(planes, which, strict=True))
+    )
     if schedule.planes is not None:
         came = [k for k, plane in enumerate(state.planes) if plane.late and k not in which]
         counting, planes = [*counting, *(known[k] for k in came)], (*planes, *(state.planes[k] for k in came))

@@ -32,7 +32,7 @@ def without_clutter(data: JointData, state: Estimation, schedule: Schedule) -> E
     return left if left is state else heard_anew(data, left, schedule.tones, schedule.coarse[-1], schedule.sampling)
 
 
-def with_moving_marked(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
+def with_strayed_marked(data: JointData, state: Estimation, schedule: Schedule) -> Estimation:
     """A motion that all structure has told, with what did not stand still in it marked.
 
     A choice of a few planes would follow one that is pushed aside, and find nothing wrong with it.
@@ -41,8 +41,7 @@ def with_moving_marked(data: JointData, state: Estimation, schedule: Schedule) -
     gate = gate_of(state, last.gate_m, schedule.sampling)
     seen = associate(data, state, gate, stride=coarse_stride(data, state, schedule.sampling))
     doubt = plane_doubts(gathered(data, seen), seen.estimate, rules.rough_m)
-    faults: list[Fault] = ["moved" if row[0] > 1.0 else "" for row in doubt]
-    planes = tuple(replace(plane, fault=fault) for plane, fault in zip(state.planes, faults, strict=True))
+    planes = tuple(replace(plane, strayed=bool(row[0] > 1.0)) for plane, row in zip(state.planes, doubt, strict=True))
     return replace(state, planes=planes)
 
 

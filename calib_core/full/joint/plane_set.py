@@ -174,16 +174,13 @@ def twins(state: Estimation, rules: PlaneSet) -> dict[int, int]:
 
 
 def mark_planes(data: JointData, state: Estimation, rules: PlaneSet) -> Estimation:
-    """The same planes, of those that were chosen and hold few of the points each with what is wrong while gates are wide, or was
-    before."""
+    """The same planes, of those that were chosen and hold few of the points each with what is wrong while gates are wide."""
     problem = gathered(data, state)
     doubt = plane_doubts(problem, state.estimate, rules.rough_m)
     _, points = plane_chi2(problem, state.estimate)
     clutter = (points <= rules.clutter_share * points.sum()) & np.array([plane.chosen for plane in state.planes])
     faults = [fault_of(row) for row in doubt * clutter[:, None]]
-    planes = tuple(
-        replace(plane, fault=fault or plane.fault) for plane, fault in zip(state.planes, faults, strict=True)
-    )
+    planes = tuple(replace(plane, fault=fault) for plane, fault in zip(state.planes, faults, strict=True))
     return replace(state, planes=planes)
 
 

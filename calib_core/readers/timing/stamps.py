@@ -54,3 +54,9 @@ def unset_finding(topic: str) -> Finding:
         " set the stamps",
         override="--stamps receive",
     )
+
+
+def unevenness_ns(stamps_ns: IntArray) -> float:
+    """How unevenly stamps come: the usual deviation of their steps from the step in the middle."""
+    steps_ns = np.diff(stamps_ns)
+    return float(np.median(np.abs(steps_ns - np.median(steps_ns)))) if steps_ns.size else 0.0

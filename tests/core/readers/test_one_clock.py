@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from calib_core.readers import scans as scans_of
 from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.imu.readings import clean_imu
 from calib_core.readers.load import load
+from calib_core.readers.reading import Reading
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.readers.timing.resets import resets, sides
 from calib_core.settings import ReadSettings
@@ -177,6 +180,58 @@ def test_of_a_clock_that_was_set_the_longer_side_is_read(tmp_path: Path) -> None
     stamps_ns = [scan.stamp_ns for scan in read.scans]
     assert begin_ns <= stamps_ns[0] < begin_ns + 3 * PERIOD_NS
     assert len(stamps_ns) == read.scans_total == 45 - round((stamps_ns[0] - begin_ns) / PERIOD_NS)
+
+
+def test_a_sweep_that_begins_in_the_open_is_no_clock_that_was_set(tmp_path: Path) -> None:
+    """For six seconds nothing is in sight where sweeps begin; then there is, and the first return is 17 ms sooner. Headers
+    keep to their even clock. Seen: five of eighteen seconds left out, with the standstill, or all of the motion, and refused.
+
+    Mutation: scans told by their first returns.
+    """
+
+    def opened(messages: list[build.Message]) -> list[build.Message]:
+        left = []
+        for k, (topic, kind, at_ns, _) in enumerate(m for m in messages if m[0] == "/velodyne_points"):
+            points = build.velodyne_points(build.sweep(seed=k))
+            seen = points[points["time"] > 0.017] if k < 60 else points
+            stamp_ns = build.EPOCH_NS + k * PERIOD_NS
+            body = build.pointcloud2(seen, cdr=True, stamp_ns=stamp_ns, frame_id="velodyne")
+            left.append((topic, kind, at_ns, body))
+        return build.in_order(left, [m for m in messages if m[0] != "/velodyne_points"])
+
+    messages = build.in_order(build.velodyne_messages(120, cdr=True), build.still_imu(12.0, cdr=True))
+    read = load(build.write_ros2(tmp_path / "open", opened(messages)), ReadSettings())
+    assert read.scans[61].stamp_ns - read.scans[59].stamp_ns < 2 * PERIOD_NS - 15_000_000
+    assert "clock.set" not in _said(read)
+    assert len(read.scans) == 120
+
+
+@pytest.mark.parametrize(
+    ("reference", "jitter_ns", "unset", "by_points"),
+    [
+        ("absolute", 2e6, False, True),
+        ("absolute", 0.0, False, False),
+        ("absolute", 0.0, True, True),
+        ("header", 2e6, False, False),
+    ],
+)
+def test_scans_are_told_by_headers_unless_points_have_a_more_even_clock(
+    reference: str, jitter_ns: float, unset: bool, by_points: bool
+) -> None:
+    """Points' own times beside headers that a host gives, or nobody. Mutations: by points always, or never; by the less even."""
+    even_ns = build.EPOCH_NS + PERIOD_NS * np.arange(30, dtype=np.int64)
+    headers_ns = even_ns + np.rint(jitter_ns * np.random.default_rng(1).normal(size=30)).astype(np.int64)
+    if unset:
+        headers_ns = np.zeros(30, np.int64)
+    points_ns = even_ns + 7
+    scans: Any = SimpleNamespace(message_indices=list(range(30)), stamps_ns=points_ns.tolist())
+    reading: Any = SimpleNamespace(
+        indices=list(range(30)), header_ns=headers_ns.tolist(), receive_ns=(even_ns + 9).tolist(), scans=scans,
+        timing=SimpleNamespace(reference=reference),
+    )  # fmt: skip
+    stamped = Reading.stamped(reading)
+    np.testing.assert_array_equal(stamped.header_ns, points_ns if by_points else headers_ns)
+    np.testing.assert_array_equal(stamped.receive_ns, even_ns + 9)
 
 
 def test_where_receive_times_are_believed_no_header_matters(tmp_path: Path) -> None:

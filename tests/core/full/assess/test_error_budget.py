@@ -124,6 +124,6 @@ def test_a_person_hears_of_each_part_where_it_is_there() -> None:
         clocks = SimpleNamespace(steps_std_s=alone.clocks_std_s, steps=[step] if alone.clocks_std_s else [])
         run: Any = SimpleNamespace(say=lambda _level, code, _text: heard.append(code), clocks=clocks)
         say_shapes(run, SHIFT if name == "shapes" else np.zeros(7), alone.beside_shapes)
-        say_disagreement(run, [Disagreement("time", 5.0, _of_z(TIME_M))], alone.disagreement)
+        say_disagreement(run, [Disagreement("time", 5.0, _of_z(TIME_M))], alone.disagreement, is_torn=False)
         say_clocks(run, Knowledge(alone.total, NOISE, (), rotation_known=True))
         assert heard == [code]

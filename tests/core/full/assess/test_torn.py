@@ -13,7 +13,7 @@ from calib_core.calibrate import calibrate
 from calib_core.full.assess.budget_sentences import say_shapes
 from calib_core.full.assess.disagreement import Disagreement, is_torn
 from calib_core.full.joint import solve
-from calib_core.full.joint.estimation import Estimation, JointData, Solved
+from calib_core.full.joint.estimation import Estimation, JointData, MapPlane, Solved
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate
 from calib_core.types import FloatArray
@@ -24,9 +24,14 @@ from calib_core.types import FloatArray
     [("time", 8.4, 1.0, True), ("time", 4.9, 1.0, False), ("surfaces", 9.2, 1.0, False), ("time", 8.4, 0.0, False)],
 )
 def test_time_that_contradicts_itself(name: str, ratio: float, excess: float, torn: bool) -> None:
-    """Mutations: places on bent walls, too; whatever the ratio; what is within what noise allows."""
+    """Sooner where a chosen plane did not stand still in the motion by all. Mutations: places on bent walls, too; whatever the
+    ratio; what is within what noise allows; planes that nobody chose, or that stood still.
+    """
     calm = Disagreement("range", 1.1, np.zeros((7, 7)))
-    assert is_torn([calm, Disagreement(name, ratio, excess * np.eye(7))]) is torn
+    found = [calm, Disagreement(name, ratio, excess * np.eye(7))]
+    wall, cart = MapPlane("wall", chosen=True), MapPlane("cart", strayed=True)
+    assert is_torn(found, [wall, cart]) is torn
+    assert is_torn(found, [wall, replace(cart, chosen=True)]) is (name == "time" and excess > 0.0)
 
 
 @pytest.mark.parametrize(

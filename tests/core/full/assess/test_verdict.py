@@ -79,14 +79,18 @@ def test_planes_that_are_held_wrong_make_no_others_doubtful(
     monkeypatch: pytest.MonkeyPatch, is_choice: bool, wrong: str, said: bool | None
 ) -> None:
     """And what no point lies on is looked for all the same. Mutations: not looked for; doubtful all the same; of no choice."""
-    asked: list[bool] = []
+    asked: list[tuple[bool, str]] = []
     contradicted = (SimpleNamespace(what=verdict.PLANES),) if wrong else ()
-    trust = SimpleNamespace(contradicted=contradicted, knowledge=SimpleNamespace(rotation_known=True))
+    trust = SimpleNamespace(
+        contradicted=contradicted, knowledge=SimpleNamespace(rotation_known=True), is_torn="as told"
+    )
     monkeypatch.setattr(verdict, "confidence", lambda *_: trust)
-    monkeypatch.setattr(verdict, "say_doubtful_choice", lambda *_, faults_count: asked.append(faults_count))
+    monkeypatch.setattr(
+        verdict, "say_doubtful_choice", lambda *_, faults_count, torn: asked.append((faults_count, torn))
+    )
     monkeypatch.setattr(verdict, "implausible", lambda *_: None)
     minimum = SimpleNamespace(solution=object(), outcome=Outcome.CONVERGED, cost=5e4)
     solved: Any = SimpleNamespace(minimum=minimum, observations=SimpleNamespace(count=np.full(1000, 100)))
     run: Any = None
     assert verdict.weigh(run, solved, is_choice=is_choice) is trust
-    assert asked == ([] if said is None else [said])
+    assert asked == ([] if said is None else [(said, "as told")])

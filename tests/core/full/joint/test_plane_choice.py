@@ -45,7 +45,8 @@ def test_what_is_chosen_counts_and_the_rest_is_put_aside(half: Half, schedule: S
 
     Mutations: all planes count still; what came counts always, or never; none is put aside, or also those that count, or what was
     dropped and is lost not, or what is known twice; a drawn plane taken over without the frame's turn; the estimate of a chosen
-    plane thrown away; two drawn on one surface become one.
+    plane thrown away; two drawn on one surface become one; what strayed in that motion is forgotten; all that is drawn
+    on it strayed.
     """
     state, data = drifted(half), half.data
     truth = half.truth.planes
@@ -58,7 +59,9 @@ def test_what_is_chosen_counts_and_the_rest_is_put_aside(half: Half, schedule: S
     track = Followed(
         0, [floor, replace(wall, suggested=True, outline_m=outline_m), drawn, beside], [], dropped=[truth[2], lost]
     )
+    state = replace(state, planes=tuple(replace(q, strayed=k in {1, 2}) for k, q in enumerate(state.planes)))
     data, chosen = with_choice(data.run, (data, state, [0, 1, -1, 1]), track, schedule)
+    assert [p.strayed for p in chosen.planes][:4] == [False, True, False, False]
     assert data.dropped == [truth[2], lost]
     counting = ["came"] if schedule is PARTLY else []
     assert [p.name for p in chosen.planes] == [floor.name, wall.name, "drawn", "beside", *counting]

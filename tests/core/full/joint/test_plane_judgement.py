@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from calib_core.errors import Refused
+from calib_core.full import attempts
 from calib_core.full.joint import plane_judgement, plane_set, solve
 from calib_core.full.joint.doubtful_planes import require_three_ways
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.policies import PlaneSet
+from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.schedule import CHOSEN, FULL
 from calib_core.full.joint.state import Estimate
 from calib_core.full.joint.tone_choice import Explaining
+from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
@@ -208,3 +213,38 @@ def test_clutter_goes_before_the_sensors_are_let_go(monkeypatch: pytest.MonkeyPa
     after = solve.with_sensors(half.data, half.state, FULL)
     assert told == ["clutter", "sensors", "judged"]
     assert after is (bare if clutter else half.state)
+
+
+def test_what_does_not_stand_still_in_a_motion_by_all_is_marked(monkeypatch: pytest.MonkeyPatch, half: Half) -> None:
+    """By its first doubt alone, and by the bounds of a motion that is rough yet. Mutations: whatever is wrong with a plane; the
+    bounds of a motion at rest; the points of before.
+    """
+    state = replace(half.state, observations=None)
+    doubt = np.zeros((len(state.planes), 3))
+    doubt[1], doubt[2, 0] = [0.9, 3.0, 3.0], 1.1
+
+    def doubts(problem: JointProblem, estimate: Estimate, rough_m: float | None = None) -> FloatArray:
+        assert len(problem.bins.knot) > len(estimate.states.p) / 2
+        assert (estimate, rough_m) == (state.estimate, PlaneSet().rough_m)
+        return doubt
+
+    monkeypatch.setattr(plane_judgement, "plane_doubts", doubts)
+    marked = plane_judgement.with_strayed_marked(half.data, state, FULL)
+    assert [plane.strayed for plane in marked.planes] == [k == 2 for k in range(len(doubt))]
+    assert replace(marked, planes=state.planes) == state
+
+
+def test_the_motion_that_a_choice_begins_from_comes_with_what_strayed_in_it(
+    monkeypatch: pytest.MonkeyPatch, half: Half
+) -> None:
+    """Kept from before, too. Mutation: not asked."""
+    doubt = np.zeros((len(half.state.planes), 3))
+    doubt[1, 0] = 2.0
+    monkeypatch.setattr(plane_judgement, "plane_doubts", lambda *_: doubt)
+    monkeypatch.setattr(attempts, "begin", lambda *_: (half.data, half.state, None))
+    track = Followed(0, list(half.truth.planes), [])
+    task: Any = SimpleNamespace(followed=track, lidar=None, start=None, guess=None)
+    kept: Any = SimpleNamespace(recall=lambda _: half.state)
+    found = attempts.motion_by_everything(half.data.run, task, kept)
+    assert found is not None
+    assert [plane.strayed for plane in found.state.planes] == [k == 1 for k in range(len(doubt))]
