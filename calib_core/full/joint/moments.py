@@ -1,7 +1,8 @@
 """What associating leaves of the points: moments of each slice of time and plane, moved to knots and summed there.
 
 A slice's moments are exact for every later pose of it, so that points are gone through once an association, and a motion that
-has moved since only moves moments: to the nearest knot, where those of one plane (and one laser) become one factor.
+has moved since only moves moments: to the nearest knot, where those of one plane become one factor. The lasers' moments, of which
+there are many times as many, stay as they were made, each with the pose that would move it.
 """
 
 from __future__ import annotations
