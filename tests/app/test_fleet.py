@@ -189,8 +189,8 @@ def test_the_table_is_the_same_in_all_three_files_when_less_is_asked(hall, monke
 def test_a_second_command_for_a_folder_is_refused_while_the_first_is_at_work(hall, monkeypatch, capsys):
     """It dropped the first one's rows and wrote that nothing runs. Mutations: no lock; one that outlives its process."""
     script = (
-        "from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
-        f"many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
+        "from app.cli import calibrate_many, main; from app.fleet.executors import LocalProcesses as Local; "
+        f"calibrate_many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
     )
     monkeypatch.setattr(calibrate_many, "LocalProcesses", lambda workers: LocalProcesses(workers, FAKE))
     (hall / "list.txt").write_text("room.bag\nslow.bag\n")
@@ -216,8 +216,8 @@ def test_ctrl_c_ends_the_processes_and_keeps_the_documents(hall):
     # What a shell runs in the background inherits that Ctrl-C is ignored: tests may be.
     script = (
         "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-        "from app.cli import main, many; from app.fleet.executors import LocalProcesses as Local; "
-        f"many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
+        "from app.cli import calibrate_many, main; from app.fleet.executors import LocalProcesses as Local; "
+        f"calibrate_many.LocalProcesses = lambda workers: Local(workers, {FAKE!r}); main.main()"
     )
     (hall / "list.txt").write_text("room.bag\nslow.bag\n")
     words = ["calibrate-many", str(hall / "list.txt"), "--output", str(hall / "out"), "--workers", "2"]
