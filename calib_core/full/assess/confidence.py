@@ -24,6 +24,7 @@ from calib_core.full.assess.disagreement import (
 from calib_core.full.assess.error_budget import ErrorBudget, in_scaled
 from calib_core.full.assess.given_values import Contradiction, contradictions, held_contradictions, say_contradictions
 from calib_core.full.assess.observability import Knowledge, assess
+from calib_core.full.joint.bias_walks import wanders
 from calib_core.full.joint.by_laser import ByLaser, by_laser
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.joint.undetermined import UNITS
@@ -73,7 +74,7 @@ def confidence(run: Run, solved: Solved) -> Confidence:
     say_shapes(run, solved.state.shape_shift, budget.beside_shapes)
     contradicted = _contradicted(run, solved, plain, budget, found)
     say_contradictions(run, contradicted)
-    torn = is_torn(found, solved.planes)
+    torn = is_torn(found, solved.planes, wanders=wanders(run, solved.state))
     say_disagreement(run, found, budget.disagreement, is_torn=torn)
 
     def known(added: FloatArray) -> Knowledge:

@@ -183,13 +183,17 @@ def disagreements(apart: Apart, covariance: FloatArray) -> list[Disagreement]:
     return [judge(name, each, whiten, root) for name, each in apart.clusters.items()]
 
 
-def is_torn(found: Sequence[Disagreement], planes: Sequence[MapPlane]) -> bool:
+def is_torn(found: Sequence[Disagreement], planes: Sequence[MapPlane], *, wanders: bool) -> bool:
     """Whether stretches of time contradict each other. Walls that are not flat have their places disagree, not time.
 
-    Where a chosen plane did not stand still in the motion that all structure has told, any disagreement is its doing.
+    Where a chosen plane did not stand still in the motion that all structure has told, any disagreement is its doing. So is a
+    drift of the biases, which takes upon itself what such a plane makes of a slow push. wanders: one was allowed for.
     """
-    least = 1.0 if any(plane.chosen and plane.strayed for plane in planes) else PARTS.torn
-    return any(each.name == "time" and each.is_beyond_noise and each.ratio > least for each in found)
+    strayed = any(plane.chosen and plane.strayed for plane in planes)
+    least = 1.0 if strayed else PARTS.torn
+    return (strayed and wanders) or any(
+        each.name == "time" and each.is_beyond_noise and each.ratio > least for each in found
+    )
 
 
 def roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -66,6 +66,17 @@ def with_usual_walks(run: Run, state: Estimation) -> Estimation:
     return replace(state, priors=replace(state.priors, gyro_walk=gyro, accel_walk=accel))
 
 
+def wanders(run: Run, state: Estimation) -> bool:
+    """Whether a bias was found to wander faster than such sensors' do."""
+    return any(now > was > 0.0 for _, was, now in _walks(run, state))
+
+
+def _walks(run: Run, state: Estimation) -> tuple[tuple[str, float, float], ...]:
+    """Of each sensor its name, how such sensors' biases walk, and how these do."""
+    gyro, accel = random_walks(run.settings.imu_noise)
+    return ("gyroscope", gyro, state.priors.gyro_walk), ("accelerometer", accel, state.priors.accel_walk)
+
+
 def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray, *, off: float) -> float:
     """k; 1 where the steps are within chance. values: (N, 3) at the nodes.   spread: (3 N, 3 N) covariance, node by node.
     step_std: (N - 1,) what the walk makes of a step.   off: m^2, by how much more the data are off than noise allows.
@@ -90,11 +101,7 @@ def times_faster(values: FloatArray, spread: FloatArray, step_std: FloatArray, *
 def say_walks(data: JointData, state: Estimation) -> None:
     """That biases wander faster than they are said to, for a person. Instead of what an earlier end had."""
     data.run.retract("imu.bias_walk")
-    gyro, accel = random_walks(data.run.settings.imu_noise)
-    for kind, was, now in (
-        ("gyroscope", gyro, state.priors.gyro_walk),
-        ("accelerometer", accel, state.priors.accel_walk),
-    ):
+    for kind, was, now in _walks(data.run, state):
         if now > was > 0.0:
             data.run.say(
                 "warning",

@@ -9,7 +9,7 @@ import pytest
 
 from calib_core.events import LogEvent
 from calib_core.full.joint import bias_walks as walks
-from calib_core.full.joint.bias_walks import say_walks, times_faster, with_usual_walks, with_walks_told
+from calib_core.full.joint.bias_walks import say_walks, times_faster, wanders, with_usual_walks, with_walks_told
 from calib_core.full.joint.residuals import misfit
 from calib_core.full.joint.round import gathered
 from calib_core.full.joint.state_views import layout_of
@@ -149,6 +149,7 @@ def test_a_walk_that_is_told_is_the_priors_from_there_on_and_said(half: Half, mo
     say_walks(data, told)
     assert len(said) == 1
     assert said[0].startswith("the accelerometer's bias seems to wander ")
+    assert [wanders(data.run, each) for each in (state, told)] == [False, True]
     assert with_walks_told(half.data, replace(wandering, minimum=None)) == replace(wandering, minimum=None)
     assert with_usual_walks(half.data.run, told).priors == state.priors
 
