@@ -233,7 +233,7 @@ def test_many_clusters_add_what_all_their_points_say_where_their_hits_are_now() 
     before = np.einsum("bpc,bc->bp", there, a[in_bin])
     after = before + np.einsum("bpf,bf->bp", f, moved)
     expected = np.bincount(plane[in_bin], np.sum(after**2 - before**2, axis=1))
-    np.testing.assert_allclose(features_squares(factors, a, change, plane), expected, rtol=1e-5)
+    np.testing.assert_allclose(features_squares(factors, a, change, plane), expected, rtol=1e-6)
 
 
 def test_points_of_all_lasers_are_counted_where_their_hits_are_now() -> None:
@@ -346,7 +346,7 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
             clusters, knot, plane, J, a, column_of, change, planes_start, clock, gradient, border, corner, shared
         )
     for got, want in ((gradient, want_gradient), (border, want_border), (corner, want_corner), (shared, want_shared)):
-        np.testing.assert_allclose(got, want, rtol=1e-11, atol=1e-11)
+        np.testing.assert_allclose(got, want, rtol=1e-12, atol=1e-12)
     # The gradient alone, and what columns of the border times changes of the lasers' parameters pull knots by.
     pulled, own_shared, columns = np.zeros((4, 4)), np.zeros(size), rng.normal(size=(lasers, COLUMNS, 3))
     crossed, every = np.zeros((4, 4, 3)), Clusters(bins_, laser, pose, cross, R, p)
@@ -357,7 +357,7 @@ def test_normal_equations_of_clusters_are_those_of_whole_rows(width: int) -> Non
         by_bin[q] += there[b, :, :4].T * change[laser[b]]
     np.testing.assert_allclose(pulled, by_bin.sum(axis=2), atol=1e-12)
     lasers_own = np.unique(column_of[column_of >= 0])
-    np.testing.assert_allclose(own_shared[lasers_own], want_shared[lasers_own], atol=1e-11)
+    np.testing.assert_allclose(own_shared[lasers_own], want_shared[lasers_own], atol=1e-12)
     expected = np.zeros((4, 4, 3))
     for b, q in enumerate(bins_):
         expected[q] += there[b, :, :4].T @ feature_changes(columns, 12)[laser[b]]
