@@ -192,7 +192,7 @@ def _on_one_clock(state: Examination, imu: RawImu, recording: OpenRecording, set
     lidar = HeaderTimes(np.array(state.header_ns, np.int64), np.array(state.receive_ns, np.int64))
     topics = state.lidar_topic.name, state.imu_topic.name
     if settings.stamps == "header":
-        stretch = longest_stretch(lidar, imu, topics, state.period_s, recording.start_ns)
+        stretch = longest_stretch([lidar], imu, topics, state.period_s, recording.start_ns)
         imu = stretch.imu
         state.findings.extend(stretch.findings)
         _keep(state, stretch.scans)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from calib_core.readers.imu.messages import RawImu
 from calib_core.readers.reading import Reading
 from calib_core.readers.scans import OrderCounts
 from calib_core.readers.timing.clocks import NS_PER_S, HeaderTimes
-from calib_core.readers.timing.resets import reset_finding, resets, sides
+from calib_core.readers.timing.resets import reset_finding, resets, resets_of_all, sides
 from calib_core.readers.timing.stamps import plausible_stamps
 from calib_core.settings import ReadSettings
 from calib_core.types import BoolArray, Clue, Finding
@@ -32,16 +33,19 @@ class Stretch:
 
 
 def longest_stretch(
-    lidar: HeaderTimes, imu: RawImu, topics: tuple[str, str], period_s: float, start_ns: int
+    lidar: Sequence[HeaderTimes], imu: RawImu, topics: tuple[str, str], period_s: float, start_ns: int
 ) -> Stretch:
-    """Of these messages. topics: the lidar's and the IMU's.   start_ns: the recording's start, receive time."""
+    """Of these messages. lidar: stamps of the same scans, one or more of each, which a clock that is set moves alike.
+    topics: the lidar's and the IMU's.   start_ns: the recording's start, receive time.
+    """
     # A reading stamped with zero at either end is one damaged stamp, and stays away for as long as there are others.
     good = plausible_stamps(imu.header_ns, imu.receive_ns)
     stamps = HeaderTimes(imu.header_ns[good], imu.receive_ns[good])
-    found = sorted([*resets(lidar, topics[0]), *resets(stamps, topics[1])], key=lambda reset: reset.at_ns)
+    found = sorted([*resets_of_all(lidar, topics[0]), *resets(stamps, topics[1])], key=lambda reset: reset.at_ns)
+    received_by_lidar_ns = lidar[0].receive_ns
     if not found:
-        return Stretch(np.ones(lidar.receive_ns.size, dtype=np.bool_), imu, ())
-    received_ns = np.concatenate([lidar.receive_ns, imu.receive_ns])
+        return Stretch(np.ones(received_by_lidar_ns.size, dtype=np.bool_), imu, ())
+    received_ns = np.concatenate([received_by_lidar_ns, imu.receive_ns])
     begin_ns, end_ns = int(received_ns.min()), int(received_ns.max()) + 1
     used = sides(found, begin_ns, end_ns)
     since_ns, until_ns = used[0]
@@ -54,7 +58,7 @@ def longest_stretch(
         gyro=imu.gyro[kept],
         accel=imu.accel[kept],
     )
-    scans = (lidar.receive_ns >= settled_ns) & (lidar.receive_ns < until_ns)
+    scans = (received_by_lidar_ns >= settled_ns) & (received_by_lidar_ns < until_ns)
     return Stretch(scans, cut, (reset_finding(found, used, start_ns),))
 
 

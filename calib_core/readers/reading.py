@@ -162,20 +162,20 @@ class Reading:
                 code="points.none_valid",
             )
 
-    def stamped(self) -> HeaderTimes:
-        """The scans' stamps and when they were received, to tell whether a clock was set.
+    def stamped(self) -> tuple[HeaderTimes, ...]:
+        """The scans' stamps and when they were received, to tell whether a clock was set: one that was moves all that is given.
 
-        By their headers: when the first return was depends on what is in sight where a sweep begins. By their first points only
-        where these bear times of their own, which come more evenly than headers do.
+        By their headers: when the first return was depends on what is in sight where a sweep begins. By their points only where
+        these bear times of their own, which come more evenly than headers do: by the first, and by the last.
         """
         rows = {index: row for row, index in enumerate(self.indices)}
         here = [rows[index] for index in self.scans.message_indices]
         header_ns, receive_ns = np.array(self.header_ns, np.int64)[here], np.array(self.receive_ns, np.int64)[here]
-        first_ns = np.array(self.scans.stamps_ns, np.int64)
+        points_ns = [np.array(ns, np.int64) for ns in (self.scans.stamps_ns, self.scans.ends_ns)]
         unset = header_ns.size > 0 and bool((header_ns == header_ns[0]).all())
-        more_even = unset or unevenness_ns(first_ns) < unevenness_ns(header_ns)
+        more_even = unset or min(map(unevenness_ns, points_ns)) < unevenness_ns(header_ns)
         by_points = self.timing.reference == "absolute" and more_even
-        return HeaderTimes(first_ns if by_points else header_ns, receive_ns)
+        return tuple(HeaderTimes(ns, receive_ns) for ns in (points_ns if by_points else [header_ns]))
 
     def keep(self, kept: BoolArray) -> None:
         """Go on with these scans alone. kept: (M,) of `stamped`."""

@@ -184,10 +184,13 @@ def _octets(points: PointArray) -> memoryview:
 
 
 class _Entry(NamedTuple):
-    """A scan of StoredScans. first: of its points among all, in the order they were written in.   mark: of its points."""
+    """A scan of StoredScans. span_ns: from its first point to its last.   first: of its points among all, in the order they were
+    written in.   mark: of its points.
+    """
 
     message: int
     stamp_ns: int
+    span_ns: int
     first: int
     n_points: int
     mark: int
@@ -252,9 +255,9 @@ class StoredScans(KeptScans):
 
     def write(self, scan: Scan) -> Written:
         """Put a scan's points where they will stay, whatever its place among the scans; any thread may."""
-        mark = points_mark(scan.points)
+        mark, span_ns = points_mark(scan.points), int(scan.points["offset_ns"].max())
         with self._writing:
-            entry = _Entry(scan.index, scan.stamp_ns, self._n_points, scan.points.size, mark)
+            entry = _Entry(scan.index, scan.stamp_ns, span_ns, self._n_points, scan.points.size, mark)
             self._n_points += scan.points.size
             if self._file is None and self._n_points * POINT_DTYPE.itemsize <= self._memory_bytes:
                 return Written(entry, scan.points)
@@ -320,6 +323,11 @@ class StoredScans(KeptScans):
         return [entry.stamp_ns for entry in self._index]
 
     @property
+    def ends_ns(self) -> list[int]:
+        """When each scan's last point was, lidar clock."""
+        return [entry.stamp_ns + entry.span_ns for entry in self._index]
+
+    @property
     def message_indices(self) -> list[int]:
         """Which message of its topic each scan is."""
         return [entry.message for entry in self._index]
@@ -329,7 +337,8 @@ class StoredScans(KeptScans):
 
     def scan_at(self, place: int) -> Scan:
         """The scan at a place from 0 on."""
-        index, stamp_ns, first, count, _ = self._index[place]
+        entry = self._index[place]
+        index, stamp_ns, first, count = entry.message, entry.stamp_ns, entry.first, entry.n_points
         if self._map is None:
             return Scan(index, stamp_ns, self._arrays[place])
         self._heed_pages(count * POINT_DTYPE.itemsize)

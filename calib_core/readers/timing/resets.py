@@ -73,6 +73,18 @@ def resets(stamps: HeaderTimes, topic: str) -> list[Reset]:
     return sorted(found, key=lambda reset: reset.at_ns)
 
 
+def resets_of_all(series: Sequence[HeaderTimes], topic: str) -> list[Reset]:
+    """Where each series of stamps of the same messages jumps alike: what comes into sight where sweeps begin moves their first
+    returns and not their last.
+    """
+    first, *others = (resets(stamps, topic) for stamps in series)
+    return [
+        reset
+        for reset in first
+        if all(any(same.at_ns == reset.at_ns and same.by_ns * reset.by_ns > 0 for same in other) for other in others)
+    ]
+
+
 def _surely_stays_ns(stamps: HeaderTimes, stretch: tuple[int, int, int]) -> int:
     """How far the lag has gone down [ns] for seconds after a message from what it was for seconds before, 0 where that is no more
     than its own variation. stretch: first message, the one after the jump, and end.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -224,14 +225,51 @@ def test_scans_are_told_by_headers_unless_points_have_a_more_even_clock(
     if unset:
         headers_ns = np.zeros(30, np.int64)
     points_ns = even_ns + 7
-    scans: Any = SimpleNamespace(message_indices=list(range(30)), stamps_ns=points_ns.tolist())
+    ends_ns = points_ns + 99_000_000
+    scans: Any = SimpleNamespace(
+        message_indices=list(range(30)), stamps_ns=points_ns.tolist(), ends_ns=ends_ns.tolist()
+    )
     reading: Any = SimpleNamespace(
         indices=list(range(30)), header_ns=headers_ns.tolist(), receive_ns=(even_ns + 9).tolist(), scans=scans,
         timing=SimpleNamespace(reference=reference),
     )  # fmt: skip
     stamped = Reading.stamped(reading)
-    np.testing.assert_array_equal(stamped.header_ns, points_ns if by_points else headers_ns)
-    np.testing.assert_array_equal(stamped.receive_ns, even_ns + 9)
+    expected = [points_ns, ends_ns] if by_points else [headers_ns]
+    for series, told_by_ns in zip(stamped, expected, strict=True):
+        np.testing.assert_array_equal(series.header_ns, told_by_ns)
+        np.testing.assert_array_equal(series.receive_ns, even_ns + 9)
+
+
+@pytest.mark.parametrize("set_back", [False, True])
+@pytest.mark.parametrize("edge", ["first", "last"])
+def test_points_with_a_clock_of_their_own_show_one_that_was_set_at_either_end_of_a_sweep(
+    edge: str, set_back: bool, tmp_path: Path
+) -> None:
+    """Headers are a host's, on arrival. For six seconds nothing is in sight where sweeps begin, or end. The points'
+    clock is set back by 30 ms after nine seconds, or never. Mutations: first returns alone; last ones alone.
+    """
+    late_ns = np.random.default_rng(8).exponential(1.5e6, 120).astype(np.int64)
+    messages = []
+    for k in range(120):
+        plain = build.velodyne_points(build.sweep(seed=k))
+        points = np.zeros(
+            plain.size, [(name, plain.dtype[name]) for name in ("x", "y", "z", "ring")] + [("timestamp", "f8")]
+        )
+        for name in ("x", "y", "z", "ring"):
+            points[name] = plain[name]
+        set_s = 0.03 if set_back and k >= 90 else 0.0
+        points["timestamp"] = build.EPOCH_NS / SECOND_NS + 0.1 * k + plain["time"].astype(np.float64) - set_s
+        open_s = (plain["time"] < 0.017) if edge == "first" else (plain["time"] > 0.083)
+        seen = points[~open_s] if k < 60 else points
+        at_ns = build.EPOCH_NS + k * PERIOD_NS + 103_000_000 + int(late_ns[k])
+        body = build.pointcloud2(seen, cdr=True, stamp_ns=at_ns - 100_000, frame_id="lidar")
+        messages.append(("/points", "sensor_msgs/msg/PointCloud2", at_ns, body))
+    bag = build.write_ros2(tmp_path / "open", build.in_order(messages, build.still_imu(12.0, cdr=True)))
+    read = load(bag, ReadSettings())
+    assert len(read.scans) == (90 if set_back else 120)
+    assert ("clock.set" in _said(read)) == set_back
+    if set_back:
+        assert re.search(r"jump back by (29|30|31) ms 9", _said(read)["clock.set"])
 
 
 def test_where_receive_times_are_believed_no_header_matters(tmp_path: Path) -> None:
