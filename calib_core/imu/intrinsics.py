@@ -22,15 +22,19 @@ the second, du one less by du / 6 times the third.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from calib_core.geometry import exp, hat
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.types import FloatArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
+#: Elements of a matrix, by row and column.
+_DIAGONAL = ((0, 0), (1, 1), (2, 2))
 _LOWER = ((1, 0), (2, 0), (2, 1))
+_EVERY = tuple((row, column) for row in range(3) for column in range(3))
 #: Knots on either side that tell how readings bend: 10 ms apart they leave motion of 5 Hz its second derivative, and 94 % of its
 #: third.
 _BESIDE = 3
@@ -147,40 +151,74 @@ def felt_beside(rate_rad_s: FloatArray, slope_rad_s2: FloatArray) -> FloatArray:
     return felt
 
 
-#: Columns of `bias_equivalents`: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1, quadratic 3,
+#: The parameters, in order: gyroscope scale 3, axes 3, rotation 3, accelerometer scale 3, axes 3, delay 1, quadratic 3,
 #: g-sensitivity 9, size effect 9, low-pass spread 2, skew 2.
 COLUMNS = 41
+#: (41,) which of them are the accelerometer's own.
+_OF_ACCEL = np.isin(np.arange(COLUMNS), [*range(9, 19), *range(28, 37), 38, 40])
 
 
-def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> tuple[FloatArray, FloatArray]:
-    """What a unit of each parameter is as a bias of each link: gyroscope (L, 3, 41), accelerometer (L, 3, 41).
+@dataclass(frozen=True, slots=True)
+class BiasEquivalents:
+    """What a unit of each of n parameters is as a bias of each link. Units: rad/s and m/s2 per unit of the parameter.
 
-    readings: corrected about the intrinsics.   Units: rad/s and m/s2 per unit of the parameter.
+    own: (n, L, 3) as a bias of the sensor that it is of.   of_accel: (n,) which of them are the accelerometer's.
+    gyro_D_accel: (3, 3) what a bias of the accelerometer is as one of the gyroscope, which feels forces.
     """
-    w, f = readings.gyro.mean(axis=1), readings.accel.mean(axis=1)
-    links = len(w)
-    # Column after column in memory: each is written, and picked, by itself.
-    gyro, accel = (np.zeros((COLUMNS, links, 3)).transpose(1, 2, 0) for _ in range(2))
-    turn = exp(intrinsics.gyro_rotation)
-    G, A = np.linalg.inv(intrinsics.gyro), np.linalg.inv(intrinsics.accel)
-    turned = w @ turn.T
-    for c in range(3):
-        gyro[:, :, c] = turned[:, c, None] * G[:, c]
-        accel[:, :, 9 + c] = f[:, c, None] * A[:, c]
-    for c, (row, column) in enumerate(_LOWER):
-        gyro[:, :, 3 + c] = turned[:, column, None] * G[:, row]
-        accel[:, :, 12 + c] = f[:, column, None] * A[:, row]
+
+    own: FloatArray = field(default_factory=lambda: np.zeros((0, 0, 3)))
+    of_accel: BoolArray = field(default_factory=lambda: np.zeros(0, np.bool_))
+    gyro_D_accel: FloatArray = field(default_factory=lambda: np.zeros((3, 3)))
+
+    def of_links(self, first: int, last: int) -> tuple[FloatArray, FloatArray]:
+        """Gyroscope, accelerometer: (.., 3, n) each, of the links first..last (exclusive)."""
+        own = self.own[:, first:last].transpose(1, 2, 0)
+        accel = np.where(self.of_accel, own, 0.0)
+        return np.where(self.of_accel, 0.0, own) + self.gyro_D_accel @ accel, accel
+
+    def times(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What values (n,) are as biases: gyroscope, accelerometer, (L, 3) each."""
+        each = np.stack([np.where(self.of_accel, 0.0, values), np.where(self.of_accel, values, 0.0)])
+        gyro, accel = np.tensordot(each, self.own, 1)
+        return gyro + accel @ self.gyro_D_accel.T, accel
+
+
+def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics, asked: IntArray) -> BiasEquivalents:
+    """Of these parameters, by their places among all. readings: corrected about the intrinsics."""
+    G, F = np.linalg.inv(intrinsics.gyro), intrinsics.g_sensitivity.reshape(3, 3)
+    own = np.empty((len(asked), len(readings.gyro), 3))
+    first = 0
+    for count, make in _families(readings, intrinsics):
+        mine = np.flatnonzero((asked >= first) & (asked < first + count))
+        if mine.size:
+            own[mine] = make()[asked[mine] - first]
+        first += count
+    return BiasEquivalents(own, _OF_ACCEL[asked], -(G @ F))
+
+
+def _families(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> Iterator[tuple[int, Callable[[], FloatArray]]]:
+    """How many parameters each family of them has, and what makes their (n, L, 3): in order, those not asked for never made."""
+    w, f = np.asarray(readings.gyro.mean(axis=1)), np.asarray(readings.accel.mean(axis=1))
+    G, A = (np.asarray(np.linalg.inv(each), np.float64) for each in (intrinsics.gyro, intrinsics.accel))
+    turned = w @ exp(intrinsics.gyro_rotation).T
+
+    def scaled(of: FloatArray, M: FloatArray, pairs: Sequence[tuple[int, int]]) -> FloatArray:
+        return np.stack([of[:, column, None] * M[:, row] for row, column in pairs])
+
+    yield 3, lambda: scaled(turned, G, _DIAGONAL)
+    yield 3, lambda: scaled(turned, G, _LOWER)
     # M Exp(d) - M to first order: M hat(d), whatever the rotation; its own right Jacobian is 1 to half a rotation.
-    gyro[:, :, 6:9] = -hat(w)
-    accel[:, :, 15] = -np.diff(readings.knot_accel, axis=0) / readings.spacing_s
-    accel[:, :, 16:19] = f[:, :, None] ** 2 * np.eye(3)
-    for row in range(3):
-        gyro[:, :, 19 + 3 * row : 22 + 3 * row] = f[:, None, :] * G[:, row, None]
-    accel[:, :, 28:37] = felt_beside(w, np.diff(readings.knot_gyro, axis=0) / readings.spacing_s)
-    for of, triad, knot in ((gyro, 0, readings.knot_gyro), (accel, 1, readings.knot_accel)):
-        second, third = (0.5 * (each[:-1] + each[1:]) for each in bends(knot, readings.spacing_s))
-        of[:, :, 37 + triad] = 0.5 * second
-        of[:, :, 39 + triad] = -third / 6.0
-    for own in (slice(9, 19), slice(28, 37), slice(38, 41, 2)):
-        gyro[:, :, own] = -(G @ intrinsics.g_sensitivity.reshape(3, 3)) @ accel[:, :, own]
-    return gyro, accel
+    yield 3, lambda: -hat(w).transpose(2, 0, 1)
+    yield 3, lambda: scaled(f, A, _DIAGONAL)
+    yield 3, lambda: scaled(f, A, _LOWER)
+    yield 1, lambda: -np.diff(readings.knot_accel, axis=0)[None] / readings.spacing_s
+    yield 3, lambda: f**2 * np.eye(3)[:, None]
+    yield 9, lambda: scaled(f, G, _EVERY)
+    yield 9, lambda: felt_beside(w, np.diff(readings.knot_gyro, axis=0) / readings.spacing_s).transpose(2, 0, 1)
+
+    def bent(which: int) -> FloatArray:
+        each = (bends(knot, readings.spacing_s)[which] for knot in (readings.knot_gyro, readings.knot_accel))
+        return np.stack([0.5 * (bend[:-1] + bend[1:]) for bend in each])
+
+    yield 2, lambda: 0.5 * bent(0)
+    yield 2, lambda: -bent(1) / 6.0

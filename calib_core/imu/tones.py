@@ -13,7 +13,7 @@ does the same with scales and axes).
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,6 +25,8 @@ from calib_core.types import FloatArray
 #: [rad/s, m/s2], and the change of its frequency [Hz].
 PARAMETERS = 25
 _IN_ROOM, _FREQUENCY = 12, 24
+#: Links whose columns are there at a time.
+_AT_ONCE = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +40,11 @@ class Attitudes:
     in_links: FloatArray
     knots_s: FloatArray
     middles_s: FloatArray
+
+    def part(self, first: int, last: int) -> Attitudes:
+        """Of the links first..last (exclusive)."""
+        knots, links = slice(first, last + 1), slice(first, last)
+        return Attitudes(self.at_knots[knots], self.in_links[links], self.knots_s[knots], self.middles_s[links])
 
 
 def attitudes(readings: UpsampledImu, R: FloatArray, zero_s: float) -> Attitudes:
@@ -74,6 +81,32 @@ def tone_columns(hz: float, values: FloatArray, at: Attitudes) -> FloatArray:
     ahead = np.append(slope.ravel(), values[_FREQUENCY])
     columns[:, :, _FREQUENCY] = 2.0 * np.pi * since_s[:, None] * tone_readings(hz, ahead, since_s, R)
     return columns
+
+
+@dataclass(frozen=True, slots=True)
+class ToneColumns:
+    """What a unit of each tone's parameters is as a bias of each link: made where they are asked for, as together they would be
+    many times as large as all else of a long recording.   hz: T of them.   values: (T, 25).   at: None where there is no tone.
+    """
+
+    hz: tuple[float, ...] = ()
+    values: FloatArray = field(default_factory=lambda: np.zeros((0, PARAMETERS)))
+    at: Attitudes | None = None
+
+    def of_links(self, first: int, last: int) -> FloatArray:
+        """(.., 6, 25 T) of the links first..last (exclusive)."""
+        if self.at is None or not self.hz:
+            return np.zeros((last - first, 6, 0))
+        here = self.at.part(first, last)
+        return np.concatenate(
+            [tone_columns(hz, own, here) for hz, own in zip(self.hz, self.values, strict=True)], axis=2
+        )
+
+    def times(self, values: FloatArray) -> FloatArray:
+        """What values (25 T,) are as biases, (L, 6)."""
+        links = 0 if self.at is None else len(self.at.middles_s)
+        parts = [self.of_links(first, min(first + _AT_ONCE, links)) @ values for first in range(0, links, _AT_ONCE)]
+        return np.concatenate(parts) if parts else np.zeros((0, 6))
 
 
 def in_other_room(values: FloatArray, R: FloatArray) -> FloatArray:

@@ -160,26 +160,26 @@ def _influences(of: _Responses, told_apart: Iterable[ByLaser], covariance: Float
 
 def _of_links(of: _Responses) -> Influences:
     problem, estimate, layout, along, border = of.problem, of.estimate, of.layout, of.along, of.border
-    gyro, accel = link_biases(border, layout, problem.nodes, problem.sensors)
-    changes = problem.bias_changes(estimate)
-    out, links = Influences.none(len(gyro), of.unknowns, alone=of.alone), problem.seen_links(estimate)
+    changes, links = problem.bias_changes(estimate), problem.seen_links(estimate)
+    out = Influences.none(len(links.Dv), of.unknowns, alone=of.alone)
 
     def one(first: int) -> None:
-        last = min(first + CHAIN.knots_at_once, len(gyro))
+        last = min(first + CHAIN.knots_at_once, len(links.Dv))
         some = slice(first, last)
+        gyro, accel = link_biases(border, layout, problem.nodes, problem.sensors, (first, last))
         states = estimate.states.part(first, last + 1)
         f = link_factors(links.part(first, last), states, estimate.gravity, *(each[some] for each in changes))
         response = (
             f.r_D_first @ along[first:last]
             + f.r_D_second @ along[first + 1 : last + 1]
             + f.r_D_gravity @ border[GRAVITY]
-            + f.r_D_gyro_bias @ gyro[some]
-            + f.r_D_accel_bias @ accel[some]
+            + f.r_D_gyro_bias @ gyro
+            + f.r_D_accel_bias @ accel
         )
         out.moved[some] = -(np.swapaxes(response, 1, 2) @ f.residual[..., None])[..., 0]
         out.allowed[some] = of.allowed(response)
 
-    list(workers().map(one, range(0, len(gyro), CHAIN.knots_at_once)))
+    list(workers().map(one, range(0, len(links.Dv), CHAIN.knots_at_once)))
     return out
 
 

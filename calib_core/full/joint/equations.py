@@ -125,7 +125,8 @@ class JointEquations:
         places = self.sensors.imu_places
         own = np.zeros((len(f.residual), KNOT, len(places)))
         if len(places):
-            own = f.r_D_gyro_bias @ self.sensors.gyro[some] + f.r_D_accel_bias @ self.sensors.accel[some]
+            gyro, accel = self.sensors.of_links(begin, end - 1)
+            own = f.r_D_gyro_bias @ gyro + f.r_D_accel_bias @ accel
         add_links_kernel(
             f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias, own, f.residual,
             self.nodes.node[some] - node, self.nodes.fraction[some], width, GRAVITY.start,
@@ -182,8 +183,8 @@ class JointEquations:
         shared[layout.accel_bias()] = nodes.from_links(accel).ravel()
         places = layout.nuisance().start + self.sensors.imu_places
         if len(places):
-            shared[places] += np.einsum("lic,li->c", self.sensors.gyro[some], gyro, optimize=True)
-            shared[places] += np.einsum("lic,li->c", self.sensors.accel[some], accel, optimize=True)
+            for columns, pull in zip(self.sensors.of_links(first, end - 1), (gyro, accel), strict=True):
+                shared[places] += np.einsum("lic,li->c", columns, pull, optimize=True)
         of_lidar = self.lidar.pull(first, last, self.estimate, layout, self._rates, shared, along)
         out[: last - first] = of_lidar
         out[: end - first - 1] += _pulled(f.r_D_first, r)
@@ -207,7 +208,7 @@ class JointEquations:
         end, m = min(last + 1, self.knots), shared.shape[1]
         out = np.zeros((end - first, KNOT, m))
         f = self._links(first, end)
-        gyro, accel = link_biases(shared, self.layout, self.nodes.part(first, end), self.sensors.part(first, end - 1))
+        gyro, accel = link_biases(shared, self.layout, self.nodes, self.sensors, (first, end - 1))
         links_times_kernel(
             f.r_D_first, f.r_D_second, f.r_D_gravity, f.r_D_gyro_bias, f.r_D_accel_bias,
             shared[GRAVITY], gyro, accel, out,
@@ -225,19 +226,20 @@ class JointEquations:
 
 
 def link_biases(
-    shared: FloatArray, layout: Layout, nodes: BiasNodes, sensors: SensorColumns
+    shared: FloatArray, layout: Layout, nodes: BiasNodes, sensors: SensorColumns, links: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray]:
-    """What columns (S, m) of the shared unknowns are as biases of each link, gyroscope and accelerometer, (L, 3, m) each: those
-    of the nodes beside it, and what the IMU's own parameters act as. nodes, sensors: as those links see them.
+    """What columns (S, m) of the shared unknowns are as biases of each of the links from one to another (exclusive), gyroscope
+    and accelerometer, (.., 3, m) each: those of the nodes beside it, and what the IMU's own parameters act as.
     """
-    m = shared.shape[1]
+    m, first, last = shared.shape[1], *links
+    beside = nodes.part(first, last + 1)
     gyro, accel = (
-        nodes.at_links(shared[columns].reshape(-1, 3 * m)).reshape(-1, 3, m)
+        beside.at_links(shared[columns].reshape(-1, 3 * m)).reshape(-1, 3, m)
         for columns in (layout.gyro_bias(), layout.accel_bias())
     )
     if len(sensors.imu_places):
-        own = shared[layout.nuisance()][sensors.imu_places]
-        gyro, accel = gyro + sensors.gyro @ own, accel + sensors.accel @ own
+        own, (by_gyro, by_accel) = shared[layout.nuisance()][sensors.imu_places], sensors.of_links(first, last)
+        gyro, accel = gyro + by_gyro @ own, accel + by_accel @ own
     return gyro, accel
 
 

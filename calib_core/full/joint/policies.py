@@ -371,9 +371,6 @@ class Tones:
     view_hz: float = 1.5
     #: judged: so many frequencies of the loudest and as many of those beside their neighbours are tried. Time depends on it.
     tried: int = 3
-    #: derived: knots times tones that are tried at once, all of a minute and a half: what readings do by tones is 100 MB then.
-    #: A bound on memory: time alone depends on it.
-    knots_tried: int = 80_000
 
     @property
     def most_rounds(self) -> int:

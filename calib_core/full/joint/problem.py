@@ -119,6 +119,7 @@ class JointProblem:
         accel = self.nodes.at_links(estimate.accel_bias) - self.links_accel_bias
         if len(self.sensors.imu_places):
             change = estimate.sensors.since(self.sensors.links_at)[self.sensors.imu_places]
-            gyro = gyro + self.sensors.gyro @ change
-            accel = accel + self.sensors.accel @ change
+            if change.any():
+                own = self.sensors.biases(change)
+                gyro, accel = gyro + own[0], accel + own[1]
         return gyro, accel

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from calib_core.factors.laser_kernels import COLUMNS, HEIGHT, MATERIALS, SHARES
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import IMU_BLOCKS, LASER_BLOCKS, MATERIAL, SURFACE, TONE, Nuisance
-from calib_core.imu.intrinsics import bias_equivalents, corrected
+from calib_core.imu.intrinsics import BiasEquivalents, bias_equivalents, corrected
 from calib_core.imu.preintegration import UpsampledImu
-from calib_core.imu.tones import attitudes, tone_columns, without_tone
+from calib_core.imu.tones import ToneColumns, attitudes, without_tone
 from calib_core.intrinsics import NAMES
 from calib_core.types import FloatArray, IntArray
 
@@ -20,22 +20,35 @@ from calib_core.types import FloatArray, IntArray
 class SensorColumns:
     """How the sensors' own parameters, a vector of N (nuisance.py), enter the factors. Places are in that vector, -1: none.
 
-    imu_places: (n,).   gyro, accel: (L, 3, n) what a unit of each is as a bias of each link (imu/intrinsics.py).
-    links_at: the sensors as the links were integrated for.   clock_place, clock_middle_s: of the clocks' rate, and the
+    imu_places: (n,) of those of the IMU, which act as biases of each link: `imu` and, behind them, `tones` have what a unit of
+    each is.   links_at: the sensors as the links were integrated for.   clock_place, clock_middle_s: of the clocks' rate, and the
     lidar's time at which it adds nothing.   laser_places: (lasers, 14), columns as in factors/laser_kernels.py.
     """
 
     imu_places: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
-    gyro: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
-    accel: FloatArray = field(default_factory=lambda: np.zeros((0, 3, 0)))
+    imu: BiasEquivalents = field(default_factory=BiasEquivalents)
+    tones: ToneColumns = field(default_factory=ToneColumns)
     links_at: SensorState = SensorState()  # noqa: RUF009  frozen
     clock_place: int = -1
     clock_middle_s: float = 0.0
     laser_places: IntArray = field(default_factory=lambda: np.full((1, COLUMNS), -1))
 
-    def part(self, first: int, last: int) -> SensorColumns:
-        """As seen by the links first..last (exclusive)."""
-        return replace(self, gyro=self.gyro[first:last], accel=self.accel[first:last])
+    def of_links(self, first: int, last: int) -> tuple[FloatArray, FloatArray]:
+        """What a unit of each is as a bias of the links first..last (exclusive): gyroscope, accelerometer, (.., 3, n) each."""
+        gyro, accel = self.imu.of_links(first, last)
+        if not self.tones.hz:
+            return gyro, accel
+        tones = self.tones.of_links(first, last)
+        return np.concatenate([gyro, tones[:, :3]], axis=2), np.concatenate([accel, tones[:, 3:]], axis=2)
+
+    def biases(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What values (n,) of them are as biases of all links: gyroscope, accelerometer, (L, 3) each."""
+        own = len(self.imu.own)
+        gyro, accel = self.imu.times(values[:own])
+        if not self.tones.hz:
+            return gyro, accel
+        tones = self.tones.times(values[own:])
+        return gyro + tones[:, :3], accel + tones[:, 3:]
 
 
 def true_readings(readings: UpsampledImu, sensors: SensorState, R: FloatArray) -> UpsampledImu:
@@ -54,7 +67,7 @@ def sensor_columns(sensors: SensorState, readings: UpsampledImu, R: FloatArray, 
     if not nuisance.blocks:
         return SensorColumns()
     tones = sensors.tones()
-    # Every block of the IMU has its place among the columns of `bias_equivalents`, in play or not.
+    # Every block of the IMU has its place among the parameters of `bias_equivalents`, in play or not.
     places, picked, at = [], [], 0
     for block in IMU_BLOCKS:
         start = nuisance.start(block)
@@ -63,20 +76,19 @@ def sensor_columns(sensors: SensorState, readings: UpsampledImu, R: FloatArray, 
                 places.append(start + k)
                 picked.append(at + k)
         at += len(NAMES[block])
-    gyro, accel = bias_equivalents(readings, sensors.imu())
+    imu = bias_equivalents(readings, sensors.imu(), np.array(picked, np.int64))
     first = nuisance.start(TONE)
     places.extend(range(first, first + tones.size))
-    at_times = attitudes(readings, R, nuisance.tones_zero_s)
-    of_tones = [tone_columns(hz, own, at_times) for hz, own in zip(nuisance.tones_hz, tones, strict=True)]
-    gyro = np.concatenate([gyro[:, :, picked], *(columns[:, :3] for columns in of_tones)], axis=2)
-    accel = np.concatenate([accel[:, :, picked], *(columns[:, 3:] for columns in of_tones)], axis=2)
+    columns = ToneColumns()
+    if nuisance.tones_hz:
+        columns = ToneColumns(nuisance.tones_hz, tones, attitudes(readings, R, nuisance.tones_zero_s))
     links_at = sensors.values.copy()
     if (delay := nuisance.start("accelerometer_delay")) >= 0:
         links_at[delay] = readings.accel_delay_s
     return SensorColumns(
         imu_places=np.array(places, np.int64),
-        gyro=gyro,
-        accel=accel,
+        imu=imu,
+        tones=columns,
         links_at=SensorState(nuisance, links_at),
         clock_place=nuisance.start("clock_rate"),
         clock_middle_s=clock_middle_s,

@@ -88,6 +88,14 @@ def problem_of(data: JointData, state: Estimation) -> JointProblem:
     return replace(problem, frozen=frozen_columns(data, problem, e))
 
 
+def widened(data: JointData, problem: JointProblem, state: Estimation) -> JointProblem:
+    """The problem for a state with more of the sensors' parameters among its unknowns, none of which is of any size yet: the
+    readings, their links and what is gathered stay as they are."""
+    e = state.estimate
+    sensors = sensor_columns(e.sensors, problem.readings, e.states.R, data.run.clocks.middle_s)
+    return replace(problem, priors=state.priors, sensors=sensors)
+
+
 def layout_of(data: JointData, state: Estimation) -> Layout:
     """Where each shared unknown has its columns."""
     return Layout(len(data.nodes.times_s), len(state.planes), state.nuisance.size)

@@ -18,8 +18,7 @@ import numpy as np
 
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.round import gathered, with_bins
-from calib_core.full.joint.state import Bins
+from calib_core.full.joint.state_views import widened
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, TONE
 from calib_core.imu.tones import PARAMETERS
 from calib_core.solver.arrow import NotPositiveDefinite, solve_shared
@@ -63,15 +62,12 @@ def _decreases(S: FloatArray, g: FloatArray, whole: FloatArray, count: int) -> l
     ]
 
 
-def explaining(
-    data: JointData, toned: Estimation, count: int, least: float, bins: Bins | None = None
-) -> list[Explaining]:
+def explaining(data: JointData, problem: JointProblem, toned: Estimation, count: int, least: float) -> list[Explaining]:
     """Those of the last `count` tones of a state that lower the cost by `least` each by itself, the best first.
 
-    toned: with all of them among the unknowns, at no size yet, and the observations of the state before.   bins: these gathered
-    already, for a state that has hardly moved since: all points' a second time would be the most memory of a solve.
+    toned: the problem's state with all of them among the unknowns too, at no size yet.
     """
-    problem = gathered(data, toned) if bins is None else with_bins(data, toned, bins)
+    problem = widened(data, problem, toned)
     problem = replace(problem, frozen=(*problem.frozen, *laser_columns(toned, problem)))
     try:
         S, g = solve_shared(problem.linearise(toned.estimate))

@@ -20,7 +20,7 @@ from calib_core.full.joint.doubtful_planes import face_three_ways
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Round, Sampling, Tones
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered, one_round
+from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered, one_round, with_bins
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.state_views import problem_of
 from calib_core.full.joint.tone_choice import Explaining, explaining
@@ -178,7 +178,8 @@ def found_tones(
     loud: float = 0.0,
     bins: Bins | None = None,
 ) -> list[Explaining]:
-    """Tones beside those that are known, the one that lowers the cost the most first. bins: as `explaining` has them.
+    """Tones beside those that are known, the one that lowers the cost the most first. bins: of all points, gathered already, for
+    a state that has hardly moved since: a second time they would be the most memory of a solve.
 
     loud: by how much the score has to stand out to begin with, where that is asked for. Where the sensors are held at what they
     are meant to be, and nothing shakes the IMU, it is asked for: of the motion itself cheap sensors make what a tone would. So
@@ -204,12 +205,8 @@ def found_tones(
         state = associate(
             data, state, gate_of(state, round_.gate_m, sampling), stride=coarse_stride(data, state, sampling)
         )
-    found: list[Explaining] = []
-    at_once = max(1, rules.knots_tried // state.knots)
-    for first in range(0, len(tried), at_once):
-        some = tried[first : first + at_once]
-        found += explaining(data, with_tones_tried(data, state, some, rules), len(some), least, bins)
-    return sorted(found, key=lambda one: -one.decrease)
+    problem = gathered(data, state) if bins is None else with_bins(data, state, bins)
+    return explaining(data, problem, with_tones_tried(data, state, tried, rules), len(tried), least)
 
 
 def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:

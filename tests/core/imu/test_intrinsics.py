@@ -28,6 +28,7 @@ WRONG = ImuIntrinsics(
     g_sensitivity=np.array([2e-3, -1e-3, 5e-4, -1.5e-3, 1e-3, 2.5e-3, -5e-4, 3e-3, -2e-3]),
     size_effect=np.array([0.03, -0.02, 0.01, 0.015, 0.02, -0.025, -0.01, 0.02, 0.03]),
 )
+EVERY = np.arange(COLUMNS)
 #: Two poles of this make of exp(i w t) 1 / (1 + i w T)^2 of it, and delay slow motion by 2 T: 5 ms, half is gone at 32 Hz.
 POLE_S = 0.005
 SPREAD_S2, SKEW_S3 = 2.0 * POLE_S**2, 4.0 * POLE_S**3
@@ -125,7 +126,7 @@ def test_a_changed_parameter_is_a_bias_to_a_link(column: int) -> None:
         ]
     )
     about = corrected(readings, _vector(at))
-    gyro, accel = bias_equivalents(about, _vector(at))
+    gyro, accel = bias_equivalents(about, _vector(at), EVERY).of_links(0, LINKS)
     none = np.zeros((LINKS, 3))
     links = preintegrate(about, none, none, DENSITY)
     step = 1e-6 * np.eye(COLUMNS)[column]
@@ -205,7 +206,7 @@ def test_a_changed_filter_is_a_bias_to_a_link(column: int) -> None:
     values = np.zeros(COLUMNS)
     values[column] = step
     changed = corrected(readings, _vector(values))
-    gyro, accel = bias_equivalents(readings, _vector(np.zeros(COLUMNS)))
+    gyro, accel = bias_equivalents(readings, _vector(np.zeros(COLUMNS)), EVERY).of_links(0, 40)
     for made, own, said in ((changed.gyro, readings.gyro, gyro), (changed.accel, readings.accel, accel)):
         np.testing.assert_allclose((made - own).mean(axis=1), -step * said[:, :, column], atol=1e-12)
     assert max(np.abs(each[:, :, column]).max() for each in (gyro, accel)) > 10.0
@@ -217,7 +218,7 @@ def test_a_filter_that_feels_forces_is_a_bias_of_both() -> None:
     Mutation: its columns left out of what the gyroscope feels."""
     values = np.zeros(COLUMNS)
     values[19] = 1e-3  # x feels x
-    gyro, accel = bias_equivalents(_waves(40, 2.0, 0.0), _vector(values))
+    gyro, accel = bias_equivalents(_waves(40, 2.0, 0.0), _vector(values), EVERY).of_links(0, 40)
     for column in (38, 40):
         np.testing.assert_allclose(gyro[:, 0, column], -1e-3 * accel[:, 0, column], atol=1e-12)
         assert np.abs(gyro[:, 0, column]).max() > 1e-3

@@ -18,7 +18,9 @@ from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.prepare import settings
 from calib_core.full.prepare.nuisance import IMU_BLOCKS, MATERIAL, SURFACE, Nuisance, choose_nuisance
 from calib_core.geometry import exp
+from calib_core.imu import tones as imu_tones
 from calib_core.imu.preintegration import preintegrate
+from calib_core.imu.tones import attitudes, tone_columns
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.solver.arrow import ArrowSolution, solve_arrow
 from calib_core.solver.system import ArrowSystem
@@ -302,6 +304,29 @@ def test_heights_that_are_correlated_cost_what_their_covariance_says() -> None:
     assert len(residual) == len(rest) + BENT.size
     own = jacobian[:, -2:]
     np.testing.assert_allclose(np.linalg.inv(own.T @ own), covariance, rtol=1e-9)
+
+
+def test_columns_are_the_same_link_by_link_in_parts_and_as_what_a_change_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the IMU's own parameters and of two tones. Oracle: columns of all links at once, times the change.
+
+    Mutations: the tones' attitudes of other links; their columns before the others; what the gyroscope feels of forces left out
+    of a change; the last links left out.
+    """
+    base, e = plain._problem(1)
+    nuisance = NUISANCE.with_tone(1.4, 0.1, 0.02).with_tone(3.0, 0.1, 0.02)
+    rng = np.random.default_rng(4)
+    sensors = SensorState(nuisance, 1e-2 * rng.normal(size=nuisance.size))
+    columns = sensor_columns(sensors, base.readings, e.states.R, 0.0)
+    links, change = plain.KNOTS - 1, rng.normal(size=len(columns.imu_places))
+    whole = columns.of_links(0, links)
+    monkeypatch.setattr(imu_tones, "_AT_ONCE", links - 1)
+    for k, values in enumerate(columns.biases(change)):
+        np.testing.assert_allclose(values, whole[k] @ change, rtol=1e-9, atol=1e-9 * np.abs(whole[k]).max())
+        parts = [columns.of_links(first, min(first + 2, links))[k] for first in range(0, links, 2)]
+        np.testing.assert_array_equal(np.concatenate(parts), whole[k])
+        assert whole[k].shape == (links, 3, len(change))
+    at = attitudes(base.readings, e.states.R, 0.02)
+    np.testing.assert_allclose(whole[0][..., -25:], tone_columns(3.0, sensors.tones()[1], at)[:, :3], rtol=1e-12)
 
 
 def test_links_integrated_anew_agree_with_their_columns() -> None:

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 
 from calib_core.full.joint import tone_choice
-from calib_core.full.joint.estimation import Estimation, LastReadings
-from calib_core.full.joint.round import gathered, one_round
+from calib_core.full.joint.estimation import Estimation, JointData, LastReadings
+from calib_core.full.joint.round import gathered, one_round, with_bins
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.sensors import true_readings
 from calib_core.full.joint.solve import admit_sensors
-from calib_core.full.joint.tone_choice import explaining
+from calib_core.full.joint.state import Bins
+from calib_core.full.joint.tone_choice import Explaining, explaining
 from calib_core.full.joint.tones import with_tones_tried
 from calib_core.full.prepare.nuisance import TONE, Nuisance
 from calib_core.imu.tones import PARAMETERS
@@ -25,12 +26,19 @@ from tests.core.full.joint.conftest import Half
 RULES = FULL.tones
 
 
+def _explaining(
+    data: JointData, state: Estimation, tried: list[float], least: float = 0.0, bins: Bins | None = None
+) -> list[Explaining]:
+    problem = gathered(data, state) if bins is None else with_bins(data, state, bins)
+    return explaining(data, problem, with_tones_tried(data, state, tried, RULES), len(tried), least)
+
+
 def test_what_a_tone_explains_is_what_the_normal_equations_say(half: Half) -> None:
     """Beside all that follows it. Oracle: two solves of the whole system, with the tone and without. Mutations: nothing else
     follows; the tones' own blocks taken together; the gradient of the others forgotten.
     """
     tried = [1.4, 0.6, 3.0]
-    found = explaining(half.data, with_tones_tried(half.data, half.state, tried, RULES), len(tried), 0.0)
+    found = _explaining(half.data, half.state, tried)
 
     def decrease(state: Estimation) -> float:
         return solve_arrow(gathered(half.data, state).linearise(state.estimate)).predicted_decrease
@@ -39,7 +47,7 @@ def test_what_a_tone_explains_is_what_the_normal_equations_say(half: Half) -> No
     by = {hz: decrease(with_tones_tried(half.data, half.state, [hz], RULES)) - without for hz in tried}
     assert [each.hz for each in found] == sorted(tried, key=lambda hz: -by[hz])
     assert [each.decrease for each in found] == pytest.approx([by[each.hz] for each in found], rel=1e-4)
-    most = explaining(half.data, with_tones_tried(half.data, half.state, tried, RULES), 3, 0.5 * found[0].decrease)
+    most = _explaining(half.data, half.state, tried, 0.5 * found[0].decrease)
     assert most[0] == found[0]
     assert len(most) < 3 or found[2].decrease > 0.5 * found[0].decrease
 
@@ -66,19 +74,20 @@ def test_what_a_tone_explains_is_no_matter_of_the_lasers(half: Half) -> None:
     tried = [1.4, 3.0]
     by = [decrease(with_tones_tried(data, state, [hz], RULES)) - without for hz in tried]
     assert by[0] > RULES.explains
-    found = {
-        each.hz: each.decrease
-        for each in explaining(data, with_tones_tried(data, state, tried, RULES), len(tried), 0.0)
-    }
+    found = {each.hz: each.decrease for each in _explaining(data, state, tried)}
     assert [found[hz] for hz in tried] == pytest.approx(by, rel=0.02)
 
 
 def test_points_that_are_gathered_already_explain_as_much(half: Half) -> None:
-    """Mutation: what the points were laid out with taken as it was, when fewer parameters were in play."""
+    """Oracle: gathered with the tones among the unknowns, all linked anew.
+
+    Mutations: what the points were laid out with taken as it was, when fewer parameters were in play; their columns as before."""
     state = one_round(half.data, admit_sensors(half.data, half.state), FULL.sensors, FULL.sampling)
     bins = gathered(half.data, state).bins
-    toned = with_tones_tried(half.data, state, [1.4, 3.0], RULES)
-    anew, kept = (explaining(half.data, toned, 2, 0.0, of) for of in (None, bins))
+    tried = [1.4, 3.0]
+    toned = with_tones_tried(half.data, state, tried, RULES)
+    anew = explaining(half.data, gathered(half.data, toned), toned, 2, 0.0)
+    kept = _explaining(half.data, state, tried, bins=bins)
     assert [each.hz for each in kept] == [each.hz for each in anew]
     assert [each.decrease for each in kept] == pytest.approx([each.decrease for each in anew], rel=1e-9)
 
@@ -104,7 +113,7 @@ def test_what_all_else_makes_up_of_a_tone_explains_nothing(
     S[first + 2, 0] = S[0, first + 2] = 1.0
     S[first + 2, first + 2] = 1.0 + left
     monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
-    found = {each.hz: each.decrease for each in explaining(half.data, state, 2, 0.0)}
+    found = {each.hz: each.decrease for each in explaining(half.data, gathered(half.data, half.state), state, 2, 0.0)}
     own = g[first : first + 2 * PARAMETERS].reshape(2, PARAMETERS)
     expected = 0.5 * np.sum(own**2, axis=1) - [0.5 * own[0, 2] ** 2, 0.0]
     assert [found[hz] for hz in tried] == pytest.approx(expected, rel=1e-9)
@@ -121,7 +130,7 @@ def test_of_nothing_nothing_is_explained(half: Half, monkeypatch: pytest.MonkeyP
     S[first + 2, first + 2] = left
     S[first + 2, first + 3] = S[first + 3, first + 2] = 1e-9
     monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
-    found = {each.hz: each.decrease for each in explaining(half.data, state, 2, 0.0)}
+    found = {each.hz: each.decrease for each in explaining(half.data, gathered(half.data, half.state), state, 2, 0.0)}
     own = g[first : first + 2 * PARAMETERS].reshape(2, PARAMETERS)
     expected = 0.5 * np.sum(own**2, axis=1) - [0.5 * own[0, 2] ** 2, 0.0]
     assert [found[hz] for hz in tried] == pytest.approx(expected, rel=1e-9)
@@ -144,7 +153,7 @@ def test_what_came_out_below_nothing_says_how_large_round_off_is(half: Half, mon
         S[own, other] = S[other, own] = coupled
         S[own, own] = 1.0 + left
     monkeypatch.setattr(tone_choice, "solve_shared", lambda _: (S, g))
-    found = {each.hz: each.decrease for each in explaining(half.data, state, 2, 0.0)}
+    found = {each.hz: each.decrease for each in explaining(half.data, gathered(half.data, half.state), state, 2, 0.0)}
     of_first, of_second = (np.sum(g[of : of + PARAMETERS] ** 2) for of in (first, second))
     of_first += 0.5 * (g[first + 2] - g[first + 3]) ** 2 - g[first + 2] ** 2 - g[first + 3] ** 2
     of_second += (g[second + 4] - g[2]) ** 2 / 1e-2 - g[second + 2] ** 2 - g[second + 4] ** 2
@@ -162,4 +171,6 @@ def test_no_tone_lowers_the_cost_by_more_than_there_is(half: Half, monkeypatch: 
         g = np.zeros(size)
         g[last - 1] = np.sqrt(2.0 * share * cost)
         monkeypatch.setattr(tone_choice, "solve_shared", lambda _, g=g: (np.eye(size), g))
-        assert [each.hz for each in explaining(half.data, state, 2, 1.0)] == ([3.0] if heard else [])
+        assert [each.hz for each in explaining(half.data, gathered(half.data, half.state), state, 2, 1.0)] == (
+            [3.0] if heard else []
+        )

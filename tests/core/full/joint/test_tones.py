@@ -15,8 +15,7 @@ from calib_core.full.joint import tones
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.schedule import FORECAST, FULL
 from calib_core.full.joint.sensor_state import SensorState
-from calib_core.full.joint.state import Bins
-from calib_core.full.joint.tone_choice import Explaining, explaining
+from calib_core.full.joint.tone_choice import Explaining
 from calib_core.full.joint.tones import (
     Periodogram,
     admit_rest,
@@ -180,32 +179,6 @@ def test_what_a_chosen_plane_that_is_none_makes_of_the_motion_is_no_tone(
         monkeypatch.setattr(tones, "listen", lambda *_, power=power: with_lines((1.45, 3, power)))
         found = tones.found_tones(data, state, RULES, FULL.sensors, FULL.sampling, least=100.0)
         assert bool(found) is (not fault or power > RULES.shouts)
-
-
-def test_tones_tried_a_few_at_once_explain_what_all_together_do(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of a long recording, five of them. Mutations: the last few left out; those found first before those that explain more."""
-    every = replace(RULES, beside=0.0)
-    heard = with_lines((5.0, 3, 60.0), (9.0, 4, 50.0), (13.0, 1, 40.0), (17.0, 2, 30.0), (21.0, 5, 20.0))
-    monkeypatch.setattr(tones, "listen", lambda *_: heard)
-    tried: list[int] = []
-
-    def watched(data: Any, toned: Estimation, count: int, least: float, bins: Bins | None) -> list[Explaining]:
-        tried.append(count)
-        return explaining(data, toned, count, least, bins)
-
-    monkeypatch.setattr(tones, "explaining", watched)
-    together = tones.found_tones(half.data, half.state, every, FULL.sensors, FULL.sampling, least=-1.0)
-    few = replace(every, knots_tried=2 * half.state.knots)
-    apart = tones.found_tones(half.data, half.state, few, FULL.sensors, FULL.sampling, least=-1.0)
-    assert len(together) == tried[0] == sum(tried[1:])
-    assert max(tried[1:]) == 2
-    assert len(tried) > 2
-    assert [each.hz for each in apart] == [each.hz for each in together]
-    assert [each.decrease for each in apart] == pytest.approx([each.decrease for each in together], rel=1e-5)
-    later = iter(range(1, 20))
-    monkeypatch.setattr(tones, "explaining", lambda *_: [Explaining(1.4, float(next(later)))])
-    apart = tones.found_tones(half.data, half.state, few, FULL.sensors, FULL.sampling, least=-1.0)
-    assert [each.decrease for each in apart] == list(range(len(apart), 0, -1))
 
 
 def test_points_are_laid_on_planes_where_nobody_has_since_some_were_dropped(half: Half) -> None:
