@@ -1,11 +1,16 @@
 """Arrays that grow at their end: what many scans leave is put in place as it comes, and is never there twice.
 
 Put together from a list, parts and whole are there at once, and the parts leave holes in the heap that nothing fits into later.
+Of a long recording what is put together lies in an unnamed temporary file. Whoever goes through it, part after part, says so, and
+from time to time its pages are given back: they stay in the system's cache for as long as it has room, but count as nobody's.
 """
 
 from __future__ import annotations
 
+import errno
 import mmap
+import tempfile
+import weakref
 from typing import Any
 
 import numpy as np
@@ -13,6 +18,11 @@ from numpy.typing import NDArray
 
 #: Room for the first parts; each time there is too little, twice as much.
 _FIRST_BYTES = 2**20
+#: A column that is larger goes to a file: that of a few minutes.
+_IN_MEMORY_BYTES = 64 * 2**20
+#: So much is gone through before the pages of all files are given back.
+_HELD_BYTES = 32 * 2**20
+_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class Growing:
@@ -42,22 +52,94 @@ class Growing:
 
 
 class _Column:
-    """One array, in pages of its own beside the heap: the system moves them where it needs more, and has them back at the end."""
+    """One array: in memory while it is small, then in a file; in memory again where the disk is full."""
 
     def __init__(self, first: NDArray[Any]) -> None:
         self._dtype, self._row = first.dtype, first.shape[1:]
-        self._used = 0
-        self._pages = mmap.mmap(-1, _FIRST_BYTES, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        self._store: _InMemory | _InFile = _InMemory()
+        self._has_disk = True
         self.append(first)
 
     def append(self, part: NDArray[Any]) -> None:
         data = np.ascontiguousarray(part, self._dtype).tobytes() if part.size else b""
-        end = self._used + len(data)
-        if end > len(self._pages):
-            self._pages.resize(max(end, 2 * len(self._pages)))
-        self._pages[self._used : end] = data
-        self._used = end
+        if self._has_disk and self._store.size and self._store.size + len(data) > _IN_MEMORY_BYTES:
+            try:
+                if isinstance(self._store, _InMemory):
+                    self._store = _InFile(memoryview(self._store.pages())[: self._store.size])
+                self._store.append(data)
+                return
+            except OSError as error:
+                if error.errno not in _FULL:
+                    raise
+                self._has_disk = False
+                if isinstance(self._store, _InFile):
+                    self._store = _InMemory(memoryview(self._store.pages()))
+        self._store.append(data)
 
     def array(self) -> NDArray[Any]:
-        count = self._used // self._dtype.itemsize
-        return np.frombuffer(self._pages, self._dtype, count).reshape(-1, *self._row)
+        count = self._store.size // self._dtype.itemsize
+        return np.frombuffer(self._store.pages(), self._dtype, count).reshape(-1, *self._row)
+
+
+class _InMemory:
+    """Octets in pages of their own beside the heap: the system moves them where it needs more, and has them back at the end."""
+
+    def __init__(self, first: memoryview | bytes = b"") -> None:
+        self._pages = mmap.mmap(-1, _FIRST_BYTES, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS)
+        self.size = 0
+        self.append(first)
+
+    def append(self, data: memoryview | bytes) -> None:
+        end = self.size + len(data)
+        if end > len(self._pages):
+            self._pages.resize(max(end, 2 * len(self._pages)))
+        self._pages[self.size : end] = data
+        self.size = end
+
+    def pages(self) -> mmap.mmap:
+        return self._pages
+
+
+class _InFile:
+    """Octets in an unnamed temporary file, which vanishes with the last array over it."""
+
+    def __init__(self, first: memoryview) -> None:
+        self._file = tempfile.TemporaryFile(prefix="unsweep-moments-", buffering=0)  # noqa: SIM115 - lives as long as it is mapped
+        weakref.finalize(self, self._file.close)
+        self.size = 0
+        self.append(first)
+
+    def append(self, data: memoryview | bytes) -> None:
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self._file.write(rest) :]
+        self.size += len(data)
+
+    def pages(self) -> mmap.mmap:
+        mapped = mmap.mmap(self._file.fileno(), self.size)
+        _mapped.add(mapped)
+        return mapped
+
+
+#: Arrays that lie in files.
+_mapped: weakref.WeakSet[mmap.mmap] = weakref.WeakSet()
+
+
+class _Held:
+    """How much was gone through since pages were given back last: roughly, as threads do not wait for one another to count."""
+
+    n_bytes = 0
+
+
+def heed_pages(n_bytes: int) -> None:
+    """Told by whoever goes through so much of arrays that may lie in files: pages that were read long ago are given back.
+
+    Nothing is lost, and who still reads there gets them from the system's cache: they are the files' own.
+    """
+    if not _mapped:
+        return
+    _Held.n_bytes += n_bytes
+    if _Held.n_bytes > _HELD_BYTES:
+        _Held.n_bytes = 0
+        for pages in list(_mapped):
+            pages.madvise(mmap.MADV_DONTNEED)

@@ -41,11 +41,14 @@ from calib_core.factors.laser_kernels import (
 )
 from calib_core.factors.lidar_plane import Hits, SlicePoses
 from calib_core.factors.patches import Between
+from calib_core.growing import heed_pages
 from calib_core.threads import in_parts
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 
 #: To look a key up takes a fiftieth of the time in which one is sorted in, and the table has to be emptied first.
 _LOOKED_UP = 32
+#: Clusters whose products are summed at a time: some megabytes of them.
+_AT_ONCE = 65536
 
 
 @dataclass(frozen=True, slots=True)
@@ -235,6 +238,7 @@ class LaserFactors:
     def clusters(self, first: int = 0, last: int | None = None) -> Clusters:
         """Of clusters first..last (exclusive), as the kernels take them; bins keep their numbers."""
         some = slice(first, last)
+        heed_pages(self.cross[some].nbytes)
         return Clusters(self.bin[some], self.laser[some], self.pose[some], self.cross[some], self.R, self.p)
 
     @property
@@ -256,7 +260,10 @@ def summed_grams(gram: Float32Array, plane: IntArray, laser: IntArray) -> tuple[
     keys, place = numbered(plane * lasers + laser, planes * lasers)
     features = int(np.sqrt(2 * gram.shape[1]))
     grams = np.zeros((len(keys), features, features))
-    sum_grams_kernel(gram, place, grams)
+    for first in range(0, len(gram), _AT_ONCE):
+        some = gram[first : first + _AT_ONCE]
+        heed_pages(some.nbytes)
+        sum_grams_kernel(some, place[first : first + _AT_ONCE], grams)
     return grams, keys // lasers, keys % lasers
 
 

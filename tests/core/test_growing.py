@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import errno
 import mmap
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from calib_core import growing
-from calib_core.growing import Growing
+from calib_core.growing import Growing, heed_pages
 from calib_core.types import Float32Array, IntArray
 
 
@@ -51,3 +55,83 @@ def test_parts_of_another_kind_of_number_are_taken_as_the_first() -> None:
     for number in (np.arange(3), np.arange(2, dtype=np.int32)):
         grown.append(Record(number, np.zeros(0, np.float32)))
     assert grown.arrays()[0].tolist() == [0, 1, 2, 0, 1]
+
+
+def _grown(sizes: list[int]) -> tuple[Growing, IntArray]:
+    parts = [np.arange(n, dtype=np.int64) + 1000 * k for k, n in enumerate(sizes)]
+    grown = Growing("number")
+    for part in parts:
+        grown.append(Record(part, np.zeros(0, np.float32)))
+    return grown, np.concatenate(parts)
+
+
+def test_what_is_large_lies_in_a_file_and_its_pages_are_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is read after that, and what was written before, is the same. Oracle: what the system says of this process's pages.
+
+    Mutations: never to a file; what was in memory left behind; pages never given back; each time that they are gone through.
+    """
+    monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", 64 * 1024)
+    monkeypatch.setattr(growing, "_HELD_BYTES", 2 * 2**20)
+    grown, expected = _grown([3000, 5000, 200_000, 7, 0, 90_000])
+    (number,) = grown.arrays()
+    np.testing.assert_array_equal(number, expected)
+    number[::1000] = -1
+    expected[::1000] = -1
+    held_kb = _held_kb()
+    heed_pages(2**20)
+    assert _held_kb() == held_kb
+    heed_pages(2**20 + 1)
+    assert _held_kb() <= held_kb - number.nbytes // 1024
+    np.testing.assert_array_equal(number, expected)
+
+
+def _held_kb() -> int:
+    """Of this process's files without a name."""
+    held, mine = 0, False
+    for line in Path("/proc/self/smaps").read_text(encoding="utf-8").splitlines():
+        if "-" in line.split(" ")[0]:
+            mine = "(deleted)" in line
+        elif mine and line.startswith("Rss:"):
+            held += int(line.split()[1])
+    return held
+
+
+@pytest.mark.parametrize("full_at", [0, 1, 3])
+def test_where_the_disk_is_full_all_stays_in_memory(full_at: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the first write on, or later. Mutations: an error; what the file held lost; written to the file again."""
+    monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", 64 * 1024)
+    written: list[int] = []
+
+    class Full:
+        def __init__(self) -> None:
+            self.file = tempfile.TemporaryFile(buffering=0)  # noqa: SIM115
+
+        def close(self) -> None:
+            self.file.close()
+
+        def fileno(self) -> int:
+            return self.file.fileno()
+
+        def write(self, data: memoryview) -> int:
+            written.append(len(data))
+            if len(written) > full_at:
+                self.file.write(data[:100])
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return self.file.write(data)
+
+    monkeypatch.setattr(growing, "tempfile", SimpleNamespace(TemporaryFile=lambda **_: Full()))
+    grown, expected = _grown([9000, 5000, 20_000, 7, 90_000])
+    np.testing.assert_array_equal(grown.arrays()[0], expected)
+    assert len(written) == full_at + 1
+
+
+def test_another_error_of_the_disk_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Mutation: every error taken for a full disk."""
+    monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", 1024)
+
+    def broken(**_: object) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(growing, "tempfile", SimpleNamespace(TemporaryFile=broken))
+    with pytest.raises(OSError, match="Input/output"):
+        _grown([9000, 5000])

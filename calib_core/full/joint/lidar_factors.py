@@ -25,6 +25,7 @@ from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate, 
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
 from calib_core.solver.system import ArrowPart
+from calib_core.threads import in_parts
 from calib_core.types import FloatArray, IntArray
 
 
@@ -175,8 +176,14 @@ class LidarFactors:
         total = np.einsum("bi,bi->b", self.bins.scatter[:, 3, :], a)
         if len(self.bins.lasers.laser):
             lasers = self.bins.lasers
-            change = self.features_changed(estimate)[lasers.laser]
-            total += self._by_bin(np.einsum("bf,bf->b", change, lasers.cross[:, :, 3]))
+            change, moved = self.features_changed(estimate), np.empty(len(lasers.laser))
+
+            def of_clusters(first: int, last: int) -> None:
+                of = lasers.clusters(first, last)
+                moved[first:last] = np.einsum("bf,bf->b", change[of.laser], of.cross[:, :, 3])
+
+            in_parts(len(moved), of_clusters)
+            total += self._by_bin(moved)
         return total
 
     def squares(self, estimate: Estimate) -> FloatArray:

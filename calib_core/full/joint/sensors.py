@@ -45,7 +45,7 @@ class SensorColumns:
         """What values (n,) of them are as biases of all links: gyroscope, accelerometer, (L, 3) each."""
         own = len(self.imu.own)
         gyro, accel = self.imu.times(values[:own])
-        if not self.tones.hz:
+        if not values[own:].any():
             return gyro, accel
         tones = self.tones.times(values[own:])
         return gyro + tones[:, :3], accel + tones[:, 3:]

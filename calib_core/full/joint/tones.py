@@ -21,6 +21,7 @@ from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.policies import Round, Sampling, Tones
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathered, one_round, with_bins
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.state_views import problem_of
 from calib_core.full.joint.tone_choice import Explaining, explaining
@@ -251,10 +252,15 @@ def with_tone(data: JointData, state: Estimation, hz: float, rules: Tones) -> Es
 
 def score_periodogram(problem: JointProblem, estimate: Estimate, rules: Tones) -> Periodogram:
     """Of what the links pull at each of the readings' channels, tapered: a trend does not run into all frequencies."""
-    f = link_factors(problem.seen_links(estimate), estimate.states, estimate.gravity, *problem.bias_changes(estimate))
-    D = np.concatenate([f.r_D_gyro_bias, f.r_D_accel_bias], axis=2)
-    score = np.einsum("lij,li->lj", D, f.residual)
-    information = np.einsum("lij,lij->lj", D, D)
+    links, changes = problem.seen_links(estimate), problem.bias_changes(estimate)
+    score, information = np.empty((2, len(links.Dv), 6))
+    for first in range(0, len(score), CHAIN.knots_at_once):
+        last = min(first + CHAIN.knots_at_once, len(score))
+        states, of = estimate.states.part(first, last + 1), (each[first:last] for each in changes)
+        f = link_factors(links.part(first, last), states, estimate.gravity, *of)
+        D = np.concatenate([f.r_D_gyro_bias, f.r_D_accel_bias], axis=2)
+        score[first:last] = np.einsum("lij,li->lj", D, f.residual)
+        information[first:last] = np.einsum("lij,lij->lj", D, D)
     taper = np.hanning(len(score))[:, None]
     size = rules.padded * len(score)
     power = np.abs(np.fft.rfft(score * taper, size, axis=0)) ** 2

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.factors import laser_features
 from calib_core.factors.blocks import sine_and_cosine
 from calib_core.factors.laser_assembly import add_features_kernel, features_pull_kernel, features_times_kernel
 from calib_core.factors.laser_features import (
@@ -19,6 +20,7 @@ from calib_core.factors.laser_features import (
     feature_changes,
     features_squares,
     numbered,
+    summed_grams,
 )
 from calib_core.factors.laser_kernels import COLUMNS, Clusters, add_ones_kernel
 from calib_core.factors.lidar_plane import Gate, find_hits
@@ -374,3 +376,18 @@ def test_points_in_no_square_are_told_apart_by_their_plane() -> None:
     )
     np.testing.assert_array_equal(sums.by_plane(3, 6).laser, [0, 5, 6, 8, 12, 11])
     np.testing.assert_array_equal(sums.by_plane(3, 6).laser % 3, laser % 3)
+
+
+@pytest.mark.parametrize("at_once", [3, 65536])
+def test_products_are_summed_by_plane_and_laser(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: matrices added one by one. Mutations: the last ones left out; their places those of the first."""
+    monkeypatch.setattr(laser_features, "_AT_ONCE", at_once)
+    rng = np.random.default_rng(3)
+    f = rng.normal(size=(11, 8)).astype(np.float32)
+    products = f[:, :, None] * f[:, None]
+    plane, laser = rng.integers(0, 2, 11), rng.integers(0, 3, 11)
+    grams, of_plane, of_laser = summed_grams(triangle(products).astype(np.float32), plane, laser)
+    found = {(p, u): gram for p, u, gram in zip(of_plane.tolist(), of_laser.tolist(), grams, strict=True)}
+    assert set(found) == set(zip(plane.tolist(), laser.tolist(), strict=True))
+    for (p, u), gram in found.items():
+        np.testing.assert_allclose(gram, products[(plane == p) & (laser == u)].sum(axis=0), rtol=1e-5, atol=1e-5)

@@ -11,7 +11,7 @@ from calib_core.factors.imu import KnotStates
 from calib_core.factors.laser_features import LaserFactors
 from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import CELL_M, HALF_CELLS, ExtentSurvey
-from calib_core.full.joint import association
+from calib_core.full.joint import association, moments
 from calib_core.full.joint.association import _capped, associate, survey
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.moments import Micro, agreeing, gather
@@ -220,11 +220,14 @@ def test_what_all_lasers_share_with_the_map_costs_nothing(noisy: tuple[Recording
     assert abs(of_map.sum() - of_lasers.sum()) < 3e-9 * np.abs(of_map).sum()
 
 
-def test_bins_are_moved_to_the_mean_of_their_lasers_points() -> None:
+@pytest.mark.parametrize("at_once", [1, 65536])
+def test_bins_are_moved_to_the_mean_of_their_lasers_points(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """All hits of a bin by as much: what is left is where they lie about their mean, and how far from the plane.
 
-    Mutations: the other side moved by what was there before; rows not; bins without lasers moved too.
+    Mutations: the other side moved by what was there before; rows not; bins without lasers moved too; of clusters in parts
+    the last ones left out.
     """
+    monkeypatch.setattr(moments, "_AT_ONCE", at_once)
     rng = np.random.default_rng(4)
     y = rng.normal(size=(3, 7, 5))
     y[:, :, 3] = 1.0
