@@ -28,7 +28,7 @@ from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import SAMPLE_SEED, Order, OrderedPlane
 from app.results.companions import measure_beside
 from app.results.evidence import StepListener
-from app.results.thickness import spread
+from app.results.thinning import spread
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome, SurfaceOutcome
 from app.schemas.jobs import InitialGuess as WireGuess
