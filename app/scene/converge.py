@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from app.planes import palette
+from app.results.imu_pose import imu_pose
 from app.results.plane_table import PlaneTable
 from app.results.thinning import thinned_scan
 from app.scene.aim import stage_of
@@ -60,10 +61,8 @@ def build_converging(
     _, dist_m = table.nearest(shown, gate_m=RESIDUAL_GATE_M)
     stage = stage_of(up, table.equations)
     first = pairs[0][1]
-    matrix = np.array(step.matrix)
     R_lidar, p_lidar = first.R_map_lidar[0], first.p_map_lidar[0]
-    R_imu = R_lidar @ matrix[:3, :3].T
-    p_imu = p_lidar - R_imu @ matrix[:3, 3]
+    R_imu, p_imu = imu_pose(R_lidar, p_lidar, np.array(step.matrix))
     return Content(
         items=(
             Cloud("/sweeps", shown, palette.diverging(dist_m, RESIDUAL_HALF_M, dark=dark), point_size_m(moved)),

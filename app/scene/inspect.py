@@ -16,14 +16,16 @@ import numpy as np
 
 from app.planes import palette
 from app.planes.palette import Colors
+from app.results.imu_pose import imu_pose
 from app.results.plane_table import PlaneTable
 from app.results.thickness import GATE_M
 from app.results.thinning import spread, thinned_scan
 from app.scene.aim import DIRECTIONS, Stage
 from app.scene.build import Solved, ground, legend_of, lightness, scan_colors, texture
+from app.scene.camera import Camera
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.readout import Readout, from_plane
-from app.scene.wipe import Camera, left_of
+from app.scene.wipe import left_of
 from app.schemas.view import Against, ColorBy, Extent, Preset, Show
 from calib_core import api
 from calib_core.types import BoolArray, Float32Array, FloatArray, Recording, Scan, Trajectory
@@ -240,8 +242,7 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
     scan_s = trajectory.begin_s(recording.scans[look.place])
     knot = int(np.abs(trajectory.times_s - scan_s).argmin())
     R_map_lidar, p_map_lidar = trajectory.R_map_lidar[knot], trajectory.p_map_lidar[knot] + stand
-    R_map_imu = R_map_lidar @ T_imu_lidar[:3, :3].T
-    p_map_imu = p_map_lidar - R_map_imu @ T_imu_lidar[:3, 3]
+    R_map_imu, p_map_imu = imu_pose(R_map_lidar, p_map_lidar, T_imu_lidar)
     items: list[Item] = [Line("/path/whole", path[spread(len(path), 2000)], palette.NO_PLANE)]
     if knot > 0:
         behind = path[: knot + 1]

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from app.results.imu_pose import imu_pose
 from app.results.plane_table import PlaneTable
 from app.results.thickness import GATE_M
 from app.results.thinning import spread, thinned_scan
@@ -56,9 +57,7 @@ def with_extrinsic(
     trajectory: Trajectory, T_imu_lidar: FloatArray, T_other: FloatArray, *, later_s: float
 ) -> Trajectory:
     """The lidar's motion with `T_other` in place of `T_imu_lidar`, both (4, 4), and the IMU's clock so much later."""
-    R_c, p_c = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
-    R_map_imu = trajectory.R_map_lidar @ R_c.T
-    p_map_imu = trajectory.p_map_lidar - R_map_imu @ p_c
+    R_map_imu, p_map_imu = imu_pose(trajectory.R_map_lidar, trajectory.p_map_lidar, T_imu_lidar)
     R_new = R_map_imu @ T_other[:3, :3]
     p_new = R_map_imu @ T_other[:3, 3] + p_map_imu
     first = int(np.argmax(trajectory.valid))

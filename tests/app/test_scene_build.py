@@ -15,11 +15,11 @@ from app.results.thinning import spread
 from app.scene.aim import whole_view
 from app.scene.apply import BACKGROUNDS
 from app.scene.build import Solved, build_first, build_planes
-from app.scene.camera import quat_wxyz, rotation_matrix
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
 from app.scene.picking import pick
 from app.scene.straighten import fastest_scan, straighten
+from app.scene.viser_poses import quat_wxyz, rotation_matrix
 from app.schemas.view import Nudge
 from calib_core import api
 from tests.app.support import world
