@@ -15,6 +15,10 @@ import json
 import re
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+from app.errors import Conflict
+from app.schemas.recordings import NewShareLink, ShareLink
 
 COOKIE = "unsweep_share"
 #: Longer than any link of ours; more is not looked at.
@@ -51,6 +55,18 @@ class ShareLinks:
 
     def _signature(self, payload: str) -> str:
         return hmac.new(self._key, payload.encode(), hashlib.sha256).hexdigest()
+
+
+def share_link(token: str | None, recording_id: str, wish: NewShareLink) -> ShareLink:
+    """A link that shows the recording; Conflict on a server that everybody may use anyway."""
+    if token is None:
+        raise Conflict(
+            "share.open_server",
+            "This server has no token, so whoever reaches it sees everything; send its address.",
+        )
+    until = datetime.now(UTC) + timedelta(hours=wish.hours)
+    link = ShareLinks(token).make(recording_id, until.timestamp())
+    return ShareLink(path=f"/r/{recording_id}/recording?share={link}", until=until)
 
 
 def shown_to_guests(path: str, recording_id: str) -> bool:

@@ -31,7 +31,7 @@ from app.results.verdict import CONTRADICTED, DISAGREEMENT, disagreeing, solve_o
 from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.schemas.view import ChangeView
-from app.server.usual import usual_numbers
+from app.server.facts import usual_numbers
 from app.weak_limits import AXIS_NAMES
 from app.work.functions import _guess as start_of
 from calib_core import api
@@ -77,7 +77,7 @@ def test_the_limits_shown_are_those_that_the_estimator_judges_by():
 
 
 def test_numbers_that_pages_need_are_those_of_whoever_uses_them():
-    """Oracle: the settings' own, and what a view refuses. Mutations: 90 points written in usual.py; a span of half a second,
+    """Oracle: the settings' own, and what a view refuses. Mutations: 90 points written in facts.py; a span of half a second,
     of which a solve says that it has too few scans; sizes of points that a view does not take.
     """
     usual = usual_numbers()
