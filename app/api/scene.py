@@ -68,7 +68,7 @@ async def proxy_scene(browser: WebSocket, recording_id: RecordingPath) -> None:
 @router.websocket("/scene/{recording_id}/{tab}")
 @router.websocket("/scene/{recording_id}/{tab}/")
 async def proxy_scene_of_tab(browser: WebSocket, recording_id: RecordingPath, tab: TabPath) -> None:
-    """The same for a tab that has told its name: what is clicked there means what the tab's own screen says."""
+    """As `proxy_scene`, for a tab that has told its name: what is clicked there means what the tab's own screen says."""
     await _proxy(browser, recording_id, tab)
 
 

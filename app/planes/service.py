@@ -81,7 +81,7 @@ class PlaneService:
             return proposals, history
 
     def _now(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory, MarkedRoom]:
-        """The same, and what the doctor calls them. The recording's lock is held."""
+        """Proposals, history, and what the doctor calls the planes. The recording's lock is held."""
         key, proposals, room = self._load(recording_id)
         history = self._kept(recording_id)
         if history is None or history.cache_key != key:

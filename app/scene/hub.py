@@ -102,7 +102,7 @@ class SceneHub:
         self._bus.publish(ViewEdited(recording_id, composed.view))
 
     def refresh_live(self, recording_id: str) -> None:
-        """The same for a running solve: only when somebody looks, and not too often."""
+        """Show a running solve's latest step: only where somebody looks, and not too often."""
         scene = self.open.find(recording_id)
         if scene is not None and scene.watchers > 0:
             scene.live.request()

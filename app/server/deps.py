@@ -21,7 +21,7 @@ def services_of(connection: HTTPConnection) -> Services:
 
 
 async def get_services(connection: HTTPConnection) -> Services:
-    """The same as a dependency: not in a thread, of which there are only so many, for it looks nothing up."""
+    """The services as a dependency: async, for it looks nothing up, and threads are few."""
     return services_of(connection)
 
 

@@ -26,7 +26,7 @@ _LOG = logging.getLogger("unsweep")
 
 
 def facts_of_request(error: Exception) -> tuple[int, ErrorFacts]:
-    """The same for what the web framework raises, too."""
+    """HTTP status and facts of any exception: those of app/errors.py, of the web framework, of the store and the disk."""
     if isinstance(error, RequestValidationError):
         facts = _invalid_request(error)
         # An id or a name within the address that no thing can have: nothing is there.

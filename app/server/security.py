@@ -199,7 +199,7 @@ class Gatekeeper:
         await response(scope, receive, send)
 
     def _bounded(self, receive: Receive) -> Receive:
-        """The same body, refused once it is longer than allowed, whatever its headers said, or does not come."""
+        """What receives a body, and refuses it once it is longer than allowed, whatever its headers said, or does not come."""
         taken, ended = 0, False
 
         async def take() -> Message:

@@ -127,7 +127,7 @@ class Workflow:
             self._jobs.submit(record.id, "surface", StoredRequest(surface_of=solved.job_id))
 
     def retry(self, job: JobRecord) -> Job:
-        """The same again."""
+        """A new job with what the ended one was asked for; Conflict while that is under way."""
         if job.state not in FINAL:
             raise Conflict("job.under_way", f"The job is still {job.state}; cancel it first, or wait.")
         request = readable_request(job)
