@@ -10,7 +10,7 @@ import json
 import re
 
 from app.jobs.orders import Order
-from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent
+from calib_core.events import Event, IterationEvent, OnEvent
 
 
 def by_name(order: Order, text: str) -> str:
@@ -26,7 +26,7 @@ def document_by_name(order: Order, text: str) -> str:
 def events_by_name(order: Order, on_event: OnEvent) -> OnEvent:
     """A listener that hands events on with the recording called by its name."""
 
-    def tell(event: StageEvent | IterationEvent | LogEvent) -> None:
+    def tell(event: Event) -> None:
         if not isinstance(event, IterationEvent):
             event = event.model_copy(update={"text": by_name(order, event.text)})
         on_event(event)

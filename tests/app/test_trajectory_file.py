@@ -37,8 +37,13 @@ def test_a_file_whose_writing_fails_leaves_the_one_before_and_nothing_beside_it(
     path = tmp_path / "job" / "report.json"
     with whole_file(path) as fresh:
         fresh.write_text("whole", encoding="utf-8")
-    with pytest.raises(OSError, match="no room"), whole_file(path) as fresh:
-        fresh.write_text("half", encoding="utf-8")
-        raise OSError("no room")
+
+    def write_half() -> None:
+        with whole_file(path) as fresh:
+            fresh.write_text("half", encoding="utf-8")
+            raise OSError("no room")
+
+    with pytest.raises(OSError, match="no room"):
+        write_half()
     assert [file.name for file in path.parent.iterdir()] == ["report.json"]
     assert path.read_text(encoding="utf-8") == "whole"
