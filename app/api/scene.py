@@ -23,12 +23,13 @@ from websockets.typing import Subprotocol
 from app.errors import ApiError, Unavailable
 from app.scene.messages import admitted
 from app.scene.page import scene_page
+from app.schemas.common import ID_PATTERN
 from app.schemas.view import TabName
 from app.server.deps import RecordingDep, ServicesDep, get_recording, services_of
 
 router = APIRouter()
 
-RecordingPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$")]
+RecordingPath = Annotated[str, Path(pattern=ID_PATTERN)]
 TabPath = Annotated[TabName, Path()]
 
 #: Close codes of our own: no such recording; the scene could not be opened.

@@ -17,15 +17,15 @@ import time
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 
-from app.errors import Conflict
+from app.errors import Conflict, Refused
+from app.schemas.common import ID_DIGITS, is_id
 from app.schemas.recordings import NewShareLink, ShareLink
 
 COOKIE = "unsweep_share"
 #: Longer than any link of ours; more is not looked at.
 LONGEST_LINK = 400
 #: What belongs to the one recording is checked once more where it is loaded, since a job's id does not say whose it is.
-_OF_ONE = re.compile(r"/api/(recordings/(?P<recording>[0-9a-f]{32})(/.*)?|(jobs|results)/[0-9a-f]{32}(/.*)?|info)")
-_RECORDING = re.compile(r"[0-9a-f]{32}")
+_OF_ONE = re.compile(rf"/api/(recordings/(?P<recording>{ID_DIGITS})(/.*)?|(jobs|results)/{ID_DIGITS}(/.*)?|info)")
 
 
 class ShareLinks:
@@ -51,7 +51,7 @@ class ShareLinks:
         except (ValueError, binascii.Error):
             return None
         live = float(found["until"]) > self._clock()
-        return str(found["recording"]) if live and _RECORDING.fullmatch(str(found["recording"])) else None
+        return str(found["recording"]) if live and is_id(str(found["recording"])) else None
 
     def _signature(self, payload: str) -> str:
         return hmac.new(self._key, payload.encode(), hashlib.sha256).hexdigest()
@@ -67,6 +67,11 @@ def share_link(token: str | None, recording_id: str, wish: NewShareLink) -> Shar
     until = datetime.now(UTC) + timedelta(hours=wish.hours)
     link = ShareLinks(token).make(recording_id, until.timestamp())
     return ShareLink(path=f"/r/{recording_id}/recording?share={link}", until=until)
+
+
+def other_recording() -> Refused:
+    """The answer to who came by a link and asks for what it does not show."""
+    return Refused("share.other", "Your link shows one recording only; ask for the server's own address.")
 
 
 def shown_to_guests(path: str, recording_id: str) -> bool:
