@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from app.axes import AXIS_NAMES
 from app.planes.operations import MERGE_OFFERED_DEG, MERGE_OFFERED_M
 from app.schemas.recordings import Sample, ServerFacts, UsualNumbers, WeakLimits
 from app.schemas.view import LARGEST_POINTS, SMALLEST_POINTS
 from app.storage.files import SUFFIXES
-from app.weak_limits import AXIS_NAMES
 from calib_core import __version__, api
 from calib_core.presets import IMU_PRESETS, LIDAR_PRESETS
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S

@@ -14,6 +14,7 @@ import pytest
 from pydantic import ValidationError
 from rich.console import Console
 
+from app.axes import AXIS_NAMES
 from app.cli.options import parse_field_of_view, parse_gravity, parse_points
 from app.cli.summary import result_summary
 from app.cli.terminal import iteration_table
@@ -32,7 +33,6 @@ from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.schemas.view import ChangeView
 from app.server.facts import usual_numbers
-from app.weak_limits import AXIS_NAMES
 from app.work.functions import _guess as start_of
 from calib_core import api
 from calib_core.audit.limits import Limits

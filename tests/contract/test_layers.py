@@ -341,7 +341,7 @@ def circles(graph):
 #: The application's rooms from the ground up; each may see those before it.
 APP_ROOMS = (
     "schemas",
-    "weak_limits",
+    "axes",
     "errors",
     "limits",
     "process",
