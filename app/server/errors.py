@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import http
 import logging
 import os
@@ -13,14 +12,11 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 
-from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
+from app.errors import DISK_FULL, ApiError, DiskFull, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from app.settings import AppSettings
 from calib_core.errors import UnsweepError
 from calib_core.validation_messages import misfit
-
-#: The disk is full, or the share of it that this user may have.
-FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 
 _LOG = logging.getLogger("unsweep")
 
@@ -33,7 +29,7 @@ def facts_of_request(error: Exception) -> tuple[int, ErrorFacts]:
         return (404 if all(problem["loc"][0] == "path" for problem in error.errors()) else 422), facts
     if isinstance(error, HTTPException):
         return error.status_code, _http_facts(error)
-    if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in FULL):
+    if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in DISK_FULL):
         error = storage_error(error)
     return facts_of(error)
 
