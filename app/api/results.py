@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from fastapi.responses import HTMLResponse, PlainTextResponse
 
-from app.recordings.frames import frames_of
+from app.recordings.kept_report import frames_of
 from app.results.extrinsic_text import parse_extrinsic
 from app.scene.share import answer_page
 from app.schemas.results import Command, ExtrinsicText, Runs, ScanQuality, Thickness
