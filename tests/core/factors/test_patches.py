@@ -11,8 +11,6 @@ from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
 from tests.core.factors import test_bins as bins
 
-WIDTH = 4
-
 
 def _patches() -> SurfacePatches:
     """A square of patches about the origin of each plane's grid."""
