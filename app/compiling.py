@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent
+from calib_core.events import Event, OnEvent, StageEvent
 
 COMPILING = "compiling the program's loops for this machine, which is done once"
 
@@ -41,7 +41,7 @@ class _Told:
         self._latest: StageEvent | None = None
         self._depth = 0  # one loop may need others
 
-    def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
+    def __call__(self, event: Event) -> None:
         if isinstance(event, StageEvent):
             self._latest = event
         self._on_event(event)

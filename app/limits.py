@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from app.errors import DISK_FULL
 from app.schemas.common import ErrorFacts
 
 #: A job that may have less than this ends before it has an answer for an ordinary recording.
@@ -29,7 +30,8 @@ _FILLED = frozenset({"RssAnon", "RssShmem"})
 _KIB = 1024
 #: Of a RuntimeError: there is no memory for its stack.
 _NO_THREAD = "can't start new thread"
-_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+#: No room for what is written: on the disk, or within the longest that a file may be.
+NO_ROOM = DISK_FULL | {errno.EFBIG}
 _CGROUP_MEMORY = Path("/sys/fs/cgroup/memory.max")
 
 
@@ -104,7 +106,7 @@ def fair_memory_bytes(concurrent_jobs: int) -> int:
 
 def full_disk(error: OSError) -> ErrorFacts | None:
     """The sentence for a write that found no room; None for any other error."""
-    if error.errno not in _FULL:
+    if error.errno not in NO_ROOM:
         return None
     return ErrorFacts(
         code="job.disk_full", text="The disk of the data directory is full: delete recordings, then run the job again."

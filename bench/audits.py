@@ -197,25 +197,20 @@ def main() -> int:
         for slug in given.scenarios:
             for one in told_by_room(slug):
                 told.append(one)
-                _say(f"{one}")
+                print(one, flush=True)
         lines += rooms_table(told)
         lines += [f"The crispness of a minute carried by hand takes {cost_of_a_minute():.1f} s of CPU.", ""]
     if given.only != "crispness":
         cases = []
         for seed in SEEDS:
             cases.append(passes_and_fails(seed))
-            _say(f"seed {seed}: {cases[-1]}")
+            print(f"seed {seed}: {cases[-1]}", flush=True)
         lines += verdicts_table(cases)
     page = "\n".join(lines)
-    _say(page)
+    print(page, flush=True)
     if given.only is None and tuple(given.scenarios) == PLACES:
         (Path(RESULTS) / TABLE).write_text(page, encoding="utf-8")
     return 0
-
-
-def _say(text: str) -> None:
-    sys.stdout.write(text + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

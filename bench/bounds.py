@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -53,11 +52,11 @@ def compute(scenarios: Sequence[str], *, jobs: int, folder: Path = RESULTS) -> N
     rows = read_bounds(folder)
     for row in spread(_bound, list(scenarios), jobs):
         rows[row.scenario] = row
-        sys.stdout.write(
+        print(
             f"{row.scenario:20}{row.rotation_deg:10.5f} deg{row.translation_mm:10.4f} mm{row.offset_ms:10.6f} ms"
-            f"{row.planes:4} planes{row.points:10} points\n"
+            f"{row.planes:4} planes{row.points:10} points",
+            flush=True,
         )
-        sys.stdout.flush()
         _write(rows, folder / BOUNDS)
 
 

@@ -226,8 +226,7 @@ def main() -> int:
             sheet.paste(draw(view), (WIDTH, place * HEIGHT))
             names = ", ".join(item.text for item in view.content.items if isinstance(item, Label))
             shares = f"{view.seen:.0%} seen, {view.furniture:.0%} of the sheets on furniture"
-            sys.stdout.write(f"{slug}: {'; '.join(view.faults) or 'right'} ({names}; {shares})\n")
-            sys.stdout.flush()
+            print(f"{slug}: {'; '.join(view.faults) or 'right'} ({names}; {shares})", flush=True)
             wrong += bool(view.faults)
     if tuple(given.scenarios) == SCENARIOS:
         sheet.quantize(128, dither=Image.Dither.NONE).save(PICTURE, optimize=True)

@@ -34,7 +34,7 @@ WHAT = ("server killed", "worker killed", "server stopped", "full disk")
 WHERE = ("reading", "solving", "writing")
 ENDED = {"done", "failed", "cancelled", "interrupted"}
 #: What a solve leaves behind before its document, in order: marks of how far its writing has come.
-MARKS = ("trajectory.npz", "thickness.json", "scans.json", "evidence.json", "reading.json", "result.json.part")
+MARKS = ("trajectory.npz", "thickness.json", "scans.json", "evidence.json", "reading.json", "result.part.json")
 #: The longest a round's moment lies behind its mark: about as long as what follows the mark takes.
 LATEST_S = {"reading": 4.0, "solving": 1.0, "writing": 0.4}
 

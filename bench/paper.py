@@ -50,11 +50,11 @@ def main(arguments: list[str] | None = None) -> int:
         for outcome in _outcomes(tasks, options.jobs):
             done[_key(outcome)] = outcome
             _write_runs(RUNS, done.values())
-            sys.stdout.write(
+            print(
                 f"{outcome.experiment}, {outcome.method}, seed {outcome.seed}: {outcome.e_R_deg:.4f} deg, "
-                f"{1e3 * outcome.e_p_m:.3f} mm, {outcome.e_dt_ms:.4f} ms in {outcome.seconds:.1f} s\n"
+                f"{1e3 * outcome.e_p_m:.3f} mm, {outcome.e_dt_ms:.4f} ms in {outcome.seconds:.1f} s",
+                flush=True,
             )
-            sys.stdout.flush()
     write_report(list(experiments()), list(done.values()), RESULTS)
     return 0
 

@@ -136,24 +136,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if chosen.again or (place, seed) not in bounded:
                 bound = room_bounds.compute(place, seed, scenario)
                 append_row(chosen.folder / room_bounds.ROWS, bound, room_bounds.NORMS)
-                _say(
-                    f"{seed:4d} {place:6s} {name:8s} {1e3 * bound.ideal[1]:7.2f} mm, cheap {1e3 * bound.cheap[1]:7.2f} mm"
+                print(
+                    f"{seed:4d} {place:6s} {name:8s} {1e3 * bound.ideal[1]:7.2f} mm, cheap {1e3 * bound.cheap[1]:7.2f} mm",
+                    flush=True,
                 )
             continue
         if chosen.start_only:
-            _say(f"{seed:4d} {place:6s} {name:8s} {start_of(scenario, seed)}")
+            print(f"{seed:4d} {place:6s} {name:8s} {start_of(scenario, seed)}", flush=True)
             continue
         row = solve(place, seed, name, scenario, faults=faults)
         append_row(chosen.folder / ROWS, row, PARAMETERS)
-        _say(row.line())
+        print(row.line(), flush=True)
     if chosen.report:
         (chosen.folder / TABLE).write_text(report(chosen.folder), encoding="utf-8")
     return 0
-
-
-def _say(line: str) -> None:
-    sys.stdout.write(line + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

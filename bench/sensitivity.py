@@ -69,8 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             row = dict(zip(COLUMNS, (number.record, number.name, number.value, *shifts), strict=True))
             rows[name_of(number)] = row
             write(rows, chosen.file)
-            sys.stdout.write(f"{name_of(number):40}{number.value:>12}  {shifts[0]:>10} {shifts[1]:>10}\n")
-            sys.stdout.flush()
+            print(f"{name_of(number):40}{number.value:>12}  {shifts[0]:>10} {shifts[1]:>10}", flush=True)
     return 0
 
 

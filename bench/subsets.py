@@ -161,8 +161,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             row = solve(name, 1, lidar, scenario, planes=planes, made=made)
             kept = {field.name: getattr(row, field.name) for field in fields(Row)}
             append_row(chosen.folder / ROWS, Choice(**kept, choice=choice), PARAMETERS)
-            sys.stdout.write(f"{choice:20s} {row.line()}\n")
-            sys.stdout.flush()
+            print(f"{choice:20s} {row.line()}", flush=True)
     if chosen.report:
         (chosen.folder / TABLE).write_text(report(chosen.folder), encoding="utf-8")
     return 0

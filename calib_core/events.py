@@ -90,11 +90,11 @@ class LogEvent(_Event):
 
 
 Event = Annotated[StageEvent | IterationEvent | LogEvent, Field(discriminator="event")]
-OnEvent = Callable[[StageEvent | IterationEvent | LogEvent], None]
+OnEvent = Callable[[Event], None]
 ShouldCancel = Callable[[], bool]
 
 
-def ignore_event(event: StageEvent | IterationEvent | LogEvent) -> None:
+def ignore_event(event: Event) -> None:
     """The listener for callers who do not listen."""
 
 
@@ -117,7 +117,7 @@ class ForwardOnly:
         self._fraction = 0.0
         self._said: set[LogEvent] = set()
 
-    def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
+    def __call__(self, event: Event) -> None:
         """Take an event of the caller's own thread."""
         if isinstance(event, StageEvent) and event.stage in self._stages:
             event = self._forward(event)

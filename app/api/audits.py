@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from fastapi import APIRouter
 
-from app.schemas.audits import NewAudit, Report
+from app.schemas.audits import NewAudit
 from app.schemas.jobs import Job
 from app.server.deps import JobDep, RecordingDep, ServicesDep
+from calib_core.audit.report import AuditReport
 
 router = APIRouter(prefix="/api", tags=["audits"])
 
@@ -18,6 +19,6 @@ def start_audit(services: ServicesDep, recording: RecordingDep, wish: NewAudit) 
 
 
 @router.get("/audits/{job_id}")
-def read_audit(services: ServicesDep, job: JobDep) -> Report:
+def read_audit(services: ServicesDep, job: JobDep) -> AuditReport:
     """The audit's report, schema unsweep.audit/1. 409 until the job is done."""
     return services.results.audit(job)

@@ -11,6 +11,7 @@ from fastapi.sse import EventSourceResponse
 from app.schemas.recordings import ChangeRecording, NewShareLink, OpenRecording, Recording, ShareLink, Timeline
 from app.schemas.view import RecordingMessage
 from app.server.deps import RecordingDep, ServicesDep
+from app.server.share import share_link
 
 router = APIRouter(prefix="/api/recordings", tags=["recordings"])
 
@@ -66,7 +67,7 @@ def share_recording(services: ServicesDep, recording: RecordingDep, wish: NewSha
 
     409 on a server without a token: everybody who reaches it sees everything anyway.
     """
-    return services.share(recording, wish)
+    return share_link(services.settings.token, recording.id, wish)
 
 
 @router.get("/{recording_id}/timeline")

@@ -5,8 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from fastapi.responses import HTMLResponse, PlainTextResponse
 
-from app.recordings.frames import frames_of
+from app.recordings.kept_report import frames_of
 from app.results.extrinsic_text import parse_extrinsic
+from app.scene.share import answer_page
 from app.schemas.results import Command, ExtrinsicText, Runs, ScanQuality, Thickness
 from app.schemas.view import OldExtrinsic
 from app.server.deps import GuestDep, JobDep, RecordingDep, ServicesDep, WishedRecordingDep
@@ -54,7 +55,8 @@ def read_command(services: ServicesDep, job: JobDep, guest: GuestDep) -> Command
 @router.get("/results/{job_id}/scene.html", response_class=HTMLResponse)
 def download_map(services: ServicesDep, job: JobDep, *, dark: bool = False) -> HTMLResponse:
     """The de-skewed map, the path and both sensors' frames as one self-contained 3D page to share."""
-    page = services.shared_scene(job, dark=dark)
+    record = services.recordings.get(job.recording_id)
+    page = answer_page(services.sources, record, job.id, limit=services.settings.displayed_points, dark=dark)
     headers = {"Content-Disposition": f'attachment; filename="scene-{job.id[:8]}.html"'}
     return HTMLResponse(page, headers=headers)
 

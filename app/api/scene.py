@@ -23,12 +23,13 @@ from websockets.typing import Subprotocol
 from app.errors import ApiError, Unavailable
 from app.scene.messages import admitted
 from app.scene.page import scene_page
+from app.schemas.common import ID_PATTERN
 from app.schemas.view import TabName
 from app.server.deps import RecordingDep, ServicesDep, get_recording, services_of
 
 router = APIRouter()
 
-RecordingPath = Annotated[str, Path(pattern="^[0-9a-f]{32}$")]
+RecordingPath = Annotated[str, Path(pattern=ID_PATTERN)]
 TabPath = Annotated[TabName, Path()]
 
 #: Close codes of our own: no such recording; the scene could not be opened.
@@ -68,7 +69,7 @@ async def proxy_scene(browser: WebSocket, recording_id: RecordingPath) -> None:
 @router.websocket("/scene/{recording_id}/{tab}")
 @router.websocket("/scene/{recording_id}/{tab}/")
 async def proxy_scene_of_tab(browser: WebSocket, recording_id: RecordingPath, tab: TabPath) -> None:
-    """The same for a tab that has told its name: what is clicked there means what the tab's own screen says."""
+    """As `proxy_scene`, for a tab that has told its name: what is clicked there means what the tab's own screen says."""
     await _proxy(browser, recording_id, tab)
 
 

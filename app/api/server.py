@@ -19,7 +19,7 @@ router = APIRouter(tags=["server"])
 @router.get("/api/info")
 def read_server_facts(services: ServicesDep) -> ServerFacts:
     """What a client needs to know before anything else."""
-    return services.server_facts()
+    return services.facts
 
 
 @router.get("/api/folder")
@@ -64,5 +64,5 @@ def read_metrics(request: Request) -> Response:
 @router.get("/readyz")
 def read_ready(services: ServicesDep) -> Health:
     """Ready: a file was just written to the data directory, and a row to the store."""
-    services.check_ready()
+    services.readiness.check()
     return Health()

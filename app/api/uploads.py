@@ -11,13 +11,13 @@ from fastapi import APIRouter, Depends, Request, Response
 
 from app.api.tus import TusRoute
 from app.errors import NotFound
+from app.schemas.common import is_id
 from app.schemas.recordings import UploadTarget
 from app.server.deps import RecordingDep, ServicesDep
 from app.storage.records import RecordingRecord
 from app.uploads.protocol import (
     ALGORITHMS,
     EXTENSIONS,
-    UPLOAD_ID,
     announcement_of,
     check_body,
     checksum_of,
@@ -38,7 +38,7 @@ def read_upload_target(services: ServicesDep, recording: RecordingDep) -> Upload
 
 def get_upload(services: ServicesDep, upload_id: str) -> RecordingRecord:
     """The upload named in the path, arriving or arrived."""
-    record = services.recordings.find(upload_id) if UPLOAD_ID.fullmatch(upload_id) else None
+    record = services.recordings.find(upload_id) if is_id(upload_id) else None
     if record is None or record.origin != "upload":
         raise NotFound("upload.not_found", "No upload has this address; start it again.")
     return record

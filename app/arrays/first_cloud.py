@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.storage.atomic import put_in_place
+from app.storage.atomic import whole_file
 from calib_core.types import PointArray
 
 
@@ -17,10 +17,8 @@ def first_cloud_file(cache: Path) -> Path:
 
 def write_first_cloud(path: Path, points: PointArray) -> None:
     """Write the points (N,), whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_suffix(".part.npy")
-    np.save(fresh, points, allow_pickle=False)
-    put_in_place(fresh, path)
+    with whole_file(path) as fresh:
+        np.save(fresh, points, allow_pickle=False)
 
 
 def read_first_cloud(path: Path) -> PointArray | None:

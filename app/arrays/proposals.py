@@ -43,9 +43,9 @@ def write_proposals(folder: Path, proposals: PlaneProposals) -> None:
             patches=[
                 _PatchText(
                     name=patch.plane.name,
-                    normal=_triple(patch.plane.normal),
+                    normal=patch.plane.normal.tolist(),
                     offset_m=float(patch.plane.offset_m),
-                    outline_m=[_triple(corner) for corner in patch.outline_m],
+                    outline_m=patch.outline_m.tolist(),
                     n_points=int(patch.n_points),
                     rms_m=float(patch.rms_m),
                     area_m2=float(patch.area_m2),
@@ -99,8 +99,3 @@ def read_proposals(folder: Path) -> PlaneProposals:
         reference_scans=tuple(text.reference_scans),
         static=text.static,
     )
-
-
-def _triple(vector: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[float, float, float]:
-    x, y, z = (float(component) for component in vector)
-    return x, y, z

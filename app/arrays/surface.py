@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from app.storage.atomic import put_in_place
+from app.storage.atomic import whole_file
 from calib_core.types import Float32Array
 
 #: In the folder of its solve.
@@ -25,9 +25,8 @@ class Surface:
 
 def write_surface(path: Path, surface: Surface) -> None:
     """Write the surface to `path` (.npz), whole or not at all."""
-    fresh = path.with_suffix(".part.npz")
-    np.savez(fresh, vertices_m=surface.vertices_m, faces=surface.faces)
-    put_in_place(fresh, path)
+    with whole_file(path) as fresh:
+        np.savez(fresh, vertices_m=surface.vertices_m, faces=surface.faces)
 
 
 def read_surface(path: Path) -> Surface:

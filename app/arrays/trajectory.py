@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from app.storage.atomic import put_in_place
+from app.storage.atomic import whole_file
 from calib_core.types import Trajectory
 
 #: In the folder of its solve.
@@ -15,17 +15,16 @@ TRAJECTORY = "trajectory.npz"
 
 def write_trajectory(path: Path, trajectory: Trajectory) -> None:
     """Write the motion to `path` (.npz), whole or not at all."""
-    fresh = path.with_suffix(".part.npz")
-    np.savez(
-        fresh,
-        epoch_ns=np.array(trajectory.epoch_ns, dtype=np.int64),
-        times_s=trajectory.times_s,
-        R_map_lidar=trajectory.R_map_lidar,
-        p_map_lidar=trajectory.p_map_lidar,
-        valid=trajectory.valid,
-        late_ns=np.array(list(trajectory.late_ns.items()), dtype=np.int64).reshape(-1, 2),
-    )
-    put_in_place(fresh, path)
+    with whole_file(path) as fresh:
+        np.savez(
+            fresh,
+            epoch_ns=np.array(trajectory.epoch_ns, dtype=np.int64),
+            times_s=trajectory.times_s,
+            R_map_lidar=trajectory.R_map_lidar,
+            p_map_lidar=trajectory.p_map_lidar,
+            valid=trajectory.valid,
+            late_ns=np.array(list(trajectory.late_ns.items()), dtype=np.int64).reshape(-1, 2),
+        )
 
 
 def read_trajectory(path: Path) -> Trajectory:

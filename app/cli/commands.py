@@ -166,7 +166,7 @@ def deskew(chosen: argparse.Namespace) -> None:
 
 
 def audit(chosen: argparse.Namespace) -> None:
-    """Hold an extrinsic against a recording; the report to stdout. Raises Failed, or Refused where nothing is decided."""
+    """Hold an extrinsic against a recording; the report to stdout. Raises AuditFailed, or Refused where nothing is decided."""
     from app.cli.audit_report import audit_block
     from app.cli.topic_choice import load_asking
 

@@ -18,7 +18,7 @@ from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedCo
 from rich.table import Table
 from rich.text import Text
 
-from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
+from calib_core.events import Event, IterationEvent, LogEvent, OnEvent, StageEvent, ignore_event
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.sigmas import std_row, value_row
 
@@ -77,7 +77,7 @@ def listener(manner: Manner) -> Iterator[OnEvent]:
         yield ignore_event
 
 
-def write_json_line(event: StageEvent | IterationEvent | LogEvent) -> None:
+def write_json_line(event: Event) -> None:
     """One event as one line of JSON on stderr."""
     sys.stderr.write(event.model_dump_json() + "\n")
     sys.stderr.flush()
@@ -90,7 +90,7 @@ class PlainProgress:
         self._write = write
         self._last = ""
 
-    def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
+    def __call__(self, event: Event) -> None:
         match event:
             case StageEvent():
                 title = STAGE_TITLES[event.stage]
@@ -129,7 +129,7 @@ class LiveProgress:
     def __exit__(self, *_: object) -> None:
         self._live.stop()
 
-    def __call__(self, event: StageEvent | IterationEvent | LogEvent) -> None:
+    def __call__(self, event: Event) -> None:
         match event:
             case StageEvent():
                 self._show_stage(event)

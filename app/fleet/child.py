@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib
 import os
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event as ProcessEvent
+from pkgutil import resolve_name
 from typing import cast
 
 from app.children import stay_with
@@ -36,11 +36,10 @@ def run_child(entry: str, order_json: str, tells: Connection, _stop: ProcessEven
 
 def perform(order: FleetOrder, entry: str) -> FleetOutcome:
     """The outcome of `entry`, module:function, on the order. No exception leaves."""
-    module, _, name = entry.partition(":")
     try:
         if order.memory_bytes is not None:
             bound_allocations(order.memory_bytes)
-        function = cast(FleetFunction, getattr(importlib.import_module(module), name))
+        function = cast(FleetFunction, resolve_name(entry))
         return FleetOutcome(document=function(order))
     except Exception as error:  # noqa: BLE001  the boundary: one recording's defect must not stop the others
         if isinstance(error, MemoryError) or (order.memory_bytes is not None and is_for_want_of_memory(error)):

@@ -58,7 +58,7 @@ class DaskCluster:
             )
         name = FleetOrder.model_validate_json(order_text).name
         return self._futures.submit(
-            run_on_worker, order_text, self._entry, version=__version__, counter=f"unsweep-{self._session}-{name}"
+            calibrate_on_worker, order_text, self._entry, version=__version__, counter=f"unsweep-{self._session}-{name}"
         )
 
     def stop(self) -> None:
@@ -68,8 +68,8 @@ class DaskCluster:
         self._client.close()
 
 
-def run_on_worker(order_text: str, entry: str, *, version: str, counter: str) -> str:
-    """The outcome of an order, run by a worker; stopped once nobody waits for it any more.
+def calibrate_on_worker(order_text: str, entry: str, *, version: str, counter: str) -> str:
+    """The outcome of one recording's order, run by a worker; stopped once nobody waits for it any more.
 
     version: of the command, which an order is written for.   counter: the name of what counts how often the order was begun.
     """

@@ -4,7 +4,7 @@ A worker starts it and listens to it by the server's own `ProcessLauncher` and p
 are: workers see the server's data directory and its folder of recordings under the same paths.
 
 server                          scheduler                     worker
-launch(order)    ---- a task -------------------------------> run_on_worker: a process for the order
+launch(order)    ---- a task -------------------------------> run_job_on_worker: a process for the order
 parcels()        <--- a queue of (turn, parcel) ------------- what the process tells; (turn, nothing) at its end
 ask_to_stop()    ---- the task taken back ------------------> asks the process, and ends it after the grace
 
@@ -25,8 +25,8 @@ from typing import TYPE_CHECKING
 from app.children import TERMINATE_GRACE_S
 from app.errors import Unavailable
 from app.fleet.cluster import connect
-from app.fleet.on_worker import run_on_worker
-from app.jobs.launch import RunningJob
+from app.fleet.on_worker import run_job_on_worker
+from app.jobs.launch import RUN_JOB, RunningJob
 from app.jobs.orders import PARCEL, Begun, Failed, Happened, Order, Parcel
 from app.schemas.common import ErrorFacts
 from calib_core import __version__
@@ -35,8 +35,6 @@ from calib_core.events import LogEvent
 
 if TYPE_CHECKING:
     from distributed import Client, Future, Queue
-
-JOB = "app.work.ready:run_job"
 
 #: How long nothing is heard before it is looked whether the other side is still there.
 _LOOK_S = 0.5
@@ -70,7 +68,7 @@ class ClusterLauncher:
     entry: module:function of the job function.
     """
 
-    def __init__(self, address: str, *, grace_s: float, memory_bytes: int | None = None, entry: str = JOB) -> None:
+    def __init__(self, address: str, *, grace_s: float, memory_bytes: int | None = None, entry: str = RUN_JOB) -> None:
         self._address = address
         self._grace_s = grace_s
         self._memory_bytes = memory_bytes
@@ -118,7 +116,7 @@ class ClusterJob:
         self._stopping_since_s: float | None = None
         self._messages: Queue = Queue(client=client)
         self._future: Future[None] = client.submit(
-            run_on_worker,
+            run_job_on_worker,
             order.model_dump_json(),
             entry=entry,
             queue_name=self._messages.name,

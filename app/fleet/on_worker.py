@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 _LOOK_S = 0.5
 
 
-def run_on_worker(
+def run_job_on_worker(
     order_text: str, *, entry: str, queue_name: str, version: str, grace_s: float, memory_bytes: int | None
 ) -> None:
-    """Run an order in a process beside this worker and pass on what it tells. The arguments are those of ClusterLauncher.
+    """Run a job's order in a process beside this worker and pass on what it tells. The arguments are those of ClusterLauncher.
 
     version: of the server, which an order is written for.
     """

@@ -10,9 +10,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
-from calib_core.events import IterationEvent, LogEvent, StageEvent
-
-AnyEvent = StageEvent | IterationEvent | LogEvent
+from calib_core.events import Event, IterationEvent, LogEvent, StageEvent
 
 
 def in_a_thread(after_s: float, act: Callable[[], None]) -> None:
@@ -30,7 +28,7 @@ class Coalescer:
 
     def __init__(
         self,
-        send: Callable[[AnyEvent], None],
+        send: Callable[[Event], None],
         *,
         clock: Callable[[], float],
         interval_s: float = 0.05,
@@ -40,12 +38,12 @@ class Coalescer:
         self._clock = clock
         self._interval_s = interval_s
         self._later = later
-        self._held: AnyEvent | None = None
+        self._held: Event | None = None
         self._waiting = False  # whether `later` will look after what is held
         self._sent_at_s = float("-inf")
         self._lock = threading.Lock()  # a pipe takes one message at a time
 
-    def __call__(self, event: AnyEvent) -> None:
+    def __call__(self, event: Event) -> None:
         """Take an event; pass it on now, or hold it for a newer one of its kind."""
         with self._lock:
             if self._held is not None and not _replaces(event, self._held):
@@ -78,7 +76,7 @@ class Coalescer:
             self._send(held)
 
 
-def _replaces(newer: AnyEvent, held: AnyEvent) -> bool:
+def _replaces(newer: Event, held: Event) -> bool:
     if isinstance(newer, StageEvent) and isinstance(held, StageEvent):
         return newer.stage == held.stage
     return isinstance(newer, IterationEvent) and isinstance(held, IterationEvent)

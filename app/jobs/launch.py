@@ -11,6 +11,8 @@ from app.jobs.orders import PARCEL, Begun, Failed, Happened, Order, Parcel
 from app.jobs.worker import run_worker
 from app.limits import JobLimits, out_of_memory, takes_too_much
 
+#: The function of every job, by name: what it imports is for the process that runs it.
+RUN_JOB = "app.work.ready:run_job"
 #: So often a process is looked at: what it takes, and whether it is there, since what it left behind may hold its pipe open.
 _LOOK_S = 0.1
 
@@ -47,7 +49,7 @@ class Launcher(Protocol):
 class ProcessLauncher:
     """One process per job. `entry`: module:function of the job function."""
 
-    def __init__(self, entry: str = "app.work.ready:run_job") -> None:
+    def __init__(self, entry: str = RUN_JOB) -> None:
         self._entry = entry
 
     def launch(self, order: Order) -> RunningJob:

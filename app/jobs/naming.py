@@ -10,7 +10,7 @@ import json
 import re
 
 from app.jobs.orders import Order
-from calib_core.events import IterationEvent, LogEvent, OnEvent, StageEvent
+from calib_core.events import Event, IterationEvent, OnEvent
 
 
 def by_name(order: Order, text: str) -> str:
@@ -19,14 +19,14 @@ def by_name(order: Order, text: str) -> str:
 
 
 def document_by_name(order: Order, text: str) -> str:
-    """The same for a JSON document, whose other characters stay what they are."""
+    """A JSON document with the recording called by its name; its other characters stay what they are."""
     return _renamed(order, json.dumps(order.recording_name, ensure_ascii=False)[1:-1], text)
 
 
 def events_by_name(order: Order, on_event: OnEvent) -> OnEvent:
-    """The same for what is told on the way."""
+    """A listener that hands events on with the recording called by its name."""
 
-    def tell(event: StageEvent | IterationEvent | LogEvent) -> None:
+    def tell(event: Event) -> None:
         if not isinstance(event, IterationEvent):
             event = event.model_copy(update={"text": by_name(order, event.text)})
         on_event(event)

@@ -22,7 +22,7 @@ from fastapi.sse import ServerSentEvent
 from app.bus import Bus
 from app.errors import Conflict, DiskFull, NotFound, TooMany, facts_of
 from app.events import QueueMoved
-from app.jobs.client import ASKING
+from app.jobs.asking import ASKING
 from app.jobs.journal import number_of
 from app.jobs.launch import Launcher
 from app.jobs.log import JobLogs

@@ -1,6 +1,6 @@
-""".
+"""In which state each job is: changed under one lock, kept in the store, logged and told on the bus.
 
-Progress lives in memory: it is worth nothing after a restart.
+What may follow what is in state_machine.py. Progress lives in memory: it is worth nothing after a restart.
 """
 
 from __future__ import annotations
@@ -79,8 +79,9 @@ class JobStates:
         self.tell(record)
 
     def move(self, job_id: str, signal: Signal) -> JobRecord:
-        """Into its next state, told; an ending with an outcome or an error is `enter`'s. Raises IllegalTransition, NotFound,
-        DiskFull.
+        """The job in the state that the signal leads to, told; an ending with an outcome or an error is `enter`'s.
+
+        Raises IllegalTransition, NotFound, DiskFull.
         """
         record = self.enter(job_id, signal)
         self.tell(record)
@@ -89,7 +90,7 @@ class JobStates:
     def enter(
         self, job_id: str, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
     ) -> JobRecord:
-        """The same, still to be told: that can be tried again where it failed, this only once."""
+        """The job in the state that the signal leads to, kept and still to be told: telling may be tried again, this not."""
         with self._lock:
             record = self.change(self.get(job_id), signal, outcome_json=outcome_json, error_json=error_json)
             if record.state in FINAL:
@@ -99,7 +100,7 @@ class JobStates:
     def change(
         self, record: JobRecord, signal: Signal, *, outcome_json: str | None = None, error_json: str | None = None
     ) -> JobRecord:
-        """The same in the store, with what it means for the recording. The lock is held."""
+        """The job as it is in the store after the signal, with what that means for its recording. The lock is held."""
         state: JobState = transition(record.state, signal)
         if record.state == "queued":
             self._line.has_moved()

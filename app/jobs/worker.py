@@ -5,7 +5,6 @@ Nothing heavy is imported here: the thread caps of children.py must be in force 
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 import time
@@ -13,6 +12,7 @@ import traceback
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.synchronize import Event as ProcessEvent
+from pkgutil import resolve_name
 from typing import cast
 
 from app.children import stay_with
@@ -59,7 +59,7 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
     )
     try:
         _log_to_file(order)
-        outcome = _resolve(entry)(order, on_event, cancel.is_set)
+        outcome = cast(JobFunction, resolve_name(entry))(order, on_event, cancel.is_set)
         on_event.flush()
         return Finished(outcome=outcome)
     except Cancelled:
@@ -76,9 +76,9 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
             return Failed(error=facts)
         traceback.print_exc()
         text = (
-            f"The program itself failed in this job; the details are in jobs/{order.job_id}/worker.log of the server's "
+            "The program itself failed in this job; the details are in "
+            f"jobs/{order.job_id}/worker.log of the server's data directory. Please report it."
         )
-        text += "data directory. Please report it."
         return Failed(error=ErrorFacts(code="defect", text=text))
 
 
@@ -86,11 +86,6 @@ def _told(order: Order, error: UnsweepError) -> ErrorFacts:
     candidates = list(error.candidates) if isinstance(error, TopicError) else []
     details = ErrorDetails(candidates=candidates) if candidates else None
     return ErrorFacts(code=error.code, text=by_name(order, str(error)), details=details)
-
-
-def _resolve(entry: str) -> JobFunction:
-    module, _, name = entry.partition(":")
-    return cast(JobFunction, getattr(importlib.import_module(module), name))
 
 
 def _log_to_file(order: Order) -> None:

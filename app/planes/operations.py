@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from app.errors import BadRequest
 from app.planes.geometry import FittedPlane, fit_plane, labels, within_region
-from app.planes.state import EditedPatch, PlaneSet, Side, Triple, suggested
+from app.planes.state import EditedPatch, PlaneSet, Side, suggested
 from app.schemas.planes import Confirm, Drop, Grow, Insist, Merge, Rename, Restrict, Toggle, UseSuggestion
 from app.schemas.planes import Side as WireSide
 from calib_core.types import FloatArray, PlanePatch, PlaneProposals
@@ -144,9 +144,9 @@ def _fitted(patch: EditedPatch, fitted: FittedPlane, n_points: int) -> EditedPat
     """The patch on another plane through other points."""
     return patch.model_copy(
         update={
-            "normal": _triple(fitted.normal),
+            "normal": tuple(fitted.normal.tolist()),
             "offset_m": fitted.offset_m,
-            "outline_m": tuple(_triple(corner) for corner in fitted.outline_m),
+            "outline_m": tuple(map(tuple, fitted.outline_m.tolist())),
             "n_points": n_points,
             "rms_m": fitted.rms_m,
             "area_m2": fitted.area_m2,
@@ -184,9 +184,9 @@ def _grown(planes: PlaneSet, seed_m: FloatArray, proposals: PlaneProposals, grow
         )
     patch = EditedPatch(
         name=free_name((patch.name for patch in planes.patches), found.plane.name or "plane"),
-        normal=_triple(found.plane.normal),
+        normal=found.plane.normal.tolist(),
         offset_m=float(found.plane.offset_m),
-        outline_m=tuple(_triple(corner) for corner in found.outline_m),
+        outline_m=found.outline_m.tolist(),
         n_points=int(found.n_points),
         rms_m=float(found.rms_m),
         area_m2=float(found.area_m2),
@@ -222,8 +222,3 @@ def free_name(taken: Iterable[str], wanted: str) -> str:
     while f"{wanted} {number}" in names:
         number += 1
     return f"{wanted} {number}"
-
-
-def _triple(vector: FloatArray) -> Triple:
-    x, y, z = (float(component) for component in vector)
-    return x, y, z

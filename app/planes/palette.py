@@ -54,7 +54,7 @@ def plane_rgb(place: int) -> Rgb:
 
 
 def plane_hex(place: int) -> str:
-    """The same as #rrggbb."""
+    """The colour at a place of the palette, as #rrggbb."""
     return "#{:02x}{:02x}{:02x}".format(*plane_rgb(place))
 
 

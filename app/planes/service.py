@@ -26,11 +26,11 @@ from app.planes.upright import Room, named, room_of
 from app.planes.wire import wire_planes
 from app.schemas.jobs import PlaneLook
 from app.schemas.planes import Operation, Planes, Redo, Undo
-from app.schemas.report import Report
 from app.storage.files import DataFolder
 from app.storage.records import RecordingRecord
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
+from calib_core.doctor.report import DoctorReport
 from calib_core.types import FloatArray, PlaneProposals
 
 DOCUMENT = "planes"
@@ -81,7 +81,7 @@ class PlaneService:
             return proposals, history
 
     def _now(self, recording_id: str) -> tuple[PlaneProposals, PlaneHistory, MarkedRoom]:
-        """The same, and what the doctor calls them. The recording's lock is held."""
+        """Proposals, history, and what the doctor calls the planes. The recording's lock is held."""
         key, proposals, room = self._load(recording_id)
         history = self._kept(recording_id)
         if history is None or history.cache_key != key:
@@ -223,7 +223,7 @@ class PlaneService:
             known = self._rooms.get(record.id)
         if known is not None and known[0] == mark:
             return known
-        report = None if record.report_json is None else Report.model_validate_json(record.report_json)
+        report = None if record.report_json is None else DoctorReport.model_validate_json(record.report_json)
         room = Room() if report is None else room_of(report.planes, proposals, report.forecast)
         room = replace(room, foresight=foresight_folder(self._files.cache(record)))
         with self._lock:

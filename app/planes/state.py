@@ -91,9 +91,9 @@ def suggested(proposals: PlaneProposals) -> PlaneSet:
         patches=tuple(
             EditedPatch(
                 name=patch.plane.name,
-                normal=_triple(patch.plane.normal.tolist()),
+                normal=patch.plane.normal.tolist(),
                 offset_m=float(patch.plane.offset_m),
-                outline_m=tuple(_triple(corner) for corner in patch.outline_m.tolist()),
+                outline_m=patch.outline_m.tolist(),
                 n_points=int(patch.n_points),
                 rms_m=float(patch.rms_m),
                 area_m2=float(patch.area_m2),
@@ -104,8 +104,3 @@ def suggested(proposals: PlaneProposals) -> PlaneSet:
             for place, patch in enumerate(proposals.patches)
         )
     )
-
-
-def _triple(values: list[float]) -> Triple:
-    x, y, z = values
-    return x, y, z

@@ -15,11 +15,11 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
+from app.axes import AXIS_NAMES, WEAK_IN
 from app.planes.geometry import left_of
 from app.planes.state import PlaneSet
 from app.planes.upright import Room
 from app.schemas.planes import Foreseen
-from app.weak_limits import AXIS_NAMES, WEAK_IN
 from calib_core import api
 from calib_core.doctor.report import Forecast
 from calib_core.result import COVARIANCE_ORDER

@@ -18,16 +18,16 @@ from app.errors import BadRequest, Conflict, NotFound
 from app.events import RecordingArrived, RecordingDeleted, RecordingEdited, SampleWanted
 from app.jobs.service import JobService
 from app.recordings.folder import RecordingsFolder
+from app.recordings.kept_report import verdict_of
 from app.recordings.timeline import make_timeline
-from app.recordings.verdict import verdict_of
 from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
-from app.schemas.report import Report
 from app.storage.files import DataFolder, display_name
 from app.storage.records import RecordingChanges, RecordingRecord
 from app.storage.sizes import tree_size
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
+from calib_core.doctor.report import DoctorReport
 from calib_core.settings import ReadSettings
 from calib_core.validation_messages import misfit
 
@@ -112,7 +112,7 @@ class RecordingService:
             state=record.state,
             error=None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json),
             read_settings=ReadSettings.model_validate_json(record.read_settings_json),
-            report=None if record.report_json is None else Report.model_validate_json(record.report_json),
+            report=None if record.report_json is None else DoctorReport.model_validate_json(record.report_json),
             has_planes=self._has_planes(record),
             created_at=record.created_at,
             latest_job=self._jobs.latest(record.id),
@@ -167,8 +167,7 @@ class RecordingService:
         if change.note is not None:
             self._documents.write(record.id, NOTE, json.dumps(change.note.strip()))
         if self._merged(record, wanted) != reading_of(record):
-            if record.state == "receiving":
-                raise Conflict("recording.receiving", "The recording is still arriving; change it when it is here.")
+            require_arrived(record, "change it")
             self._jobs.stop_all_of(record.id)
             self._bus.publish(RecordingArrived(self._read_otherwise(record, wanted)))
         self._bus.publish(RecordingEdited(record.id))
@@ -244,6 +243,12 @@ def new_record(name: str, origin: Origin, *, source: str, size_bytes: int, state
         created_at=datetime.now(UTC),
         file_name=name,
     )
+
+
+def require_arrived(record: RecordingRecord, what: str) -> None:
+    """Raise Conflict for a recording that is not here yet.   what: somebody wants to do with it, as "start the job"."""
+    if record.state == "receiving":
+        raise Conflict("recording.receiving", f"The recording is still arriving; {what} when it is here.")
 
 
 def reading_of(record: RecordingRecord) -> ReadSettings | None:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.results.imu_evidence import compare_imu, imu_motion
-from app.results.thickness import nearest_plane, outlines_of, spread
+from app.results.plane_table import PlaneTable
+from app.results.thinning import spread
 from app.schemas.evidence import Binned, Evidence, Picture, Step
 from calib_core import api
 from calib_core.events import Event, IterationEvent, OnEvent
@@ -70,7 +71,8 @@ def measure_evidence(
     evidence = Evidence(steps=list(steps))
     if trajectory is None or result.T_imu_lidar is None:
         return evidence
-    seen = _look(recording, trajectory, result)
+    table = PlaneTable.of(result.quality.planes)
+    seen = _look(recording, trajectory, result, table)
     motion = imu_motion(trajectory, np.array(result.T_imu_lidar.matrix))
     ideal = api.ideal_readings(recording, result)
     imu, up = compare_imu(replace(recording, imu=ideal), motion, result.time_offset_ns or 0)
@@ -78,10 +80,9 @@ def measure_evidence(
         imu = imu.model_copy(update={"corrected": ideal is not recording.imu})
     if seen is None:
         return evidence.model_copy(update={"imu": imu})
-    normals = np.array([plane.normal for plane in result.quality.planes], dtype=np.float64).reshape(-1, 3)
-    level = np.abs(normals @ up) > LEVEL_COSINE
+    level = np.abs(table.normals @ up) > LEVEL_COSINE
     standing = (seen.label < 0) | ~np.append(level, False)[seen.label]
-    flat = _from_above(up, normals[~level])
+    flat = _from_above(up, table.normals[~level])
     before, after = (points[standing] @ flat.T.astype(np.float32) for points in (seen.before_m, seen.after_m))
     room = _picture(before, after, _frame_of(after), ROOM_CELLS) if len(after) else None
     corner = None if room is None else _picture(before, after, densest(after), CORNER_CELLS)
@@ -101,10 +102,7 @@ def measure_evidence(
     )
 
 
-def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResult) -> _Seen | None:
-    planes = result.quality.planes
-    normals = np.array([plane.normal for plane in planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in planes], dtype=np.float64)
+def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResult, table: PlaneTable) -> _Seen | None:
     lasers = api.ideal_lasers(result)
     parts: list[_Seen] = []
     for place in spread(len(recording.scans), SCANS):
@@ -115,8 +113,8 @@ def _look(recording: Recording, trajectory: Trajectory, result: CalibrationResul
         # The pictures show what motion does to points as they came; distances are those that the solve saw.
         ideal = scan if lasers is None else lasers.corrected(scan)
         there = after if lasers is None else api.map_points(ideal, trajectory)
-        label, dist_m = nearest_plane(there, normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_of(planes))
-        measured_m, cosine = _rays(ideal, trajectory, there, label, normals)
+        label, dist_m = table.nearest(there, gate_m=GATE_M)
+        measured_m, cosine = _rays(ideal, trajectory, there, label, table.normals)
         beyond_m = dist_m.astype(np.float64) * np.sign(cosine)
         if lasers is not None:
             beyond_m = lasers.straightened(beyond_m, cosine, ideal.points["xyz"].astype(np.float64))

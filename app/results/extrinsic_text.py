@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from app.errors import BadRequest
 from app.schemas.view import OldExtrinsic
 from calib_core import api
+from calib_core.audit.given import Direction
 from calib_core.errors import InputError
-
-Direction = Literal["imu_lidar", "lidar_imu"]
 
 
 def parse_extrinsic(text: str, direction: Direction, frames: tuple[str, str] = ("", "")) -> OldExtrinsic:

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from app.results.imu_pose import imu_pose
 from app.schemas.evidence import ImuComparison
 from calib_core.types import BoolArray, FloatArray, Recording, Trajectory
 
@@ -33,8 +34,7 @@ class ImuMotion:
 
 def imu_motion(trajectory: Trajectory, T_imu_lidar: FloatArray) -> ImuMotion:
     """The IMU's part of a lidar's motion."""
-    R_map_imu = trajectory.R_map_lidar @ T_imu_lidar[:3, :3].T
-    p_map_imu = trajectory.p_map_lidar - R_map_imu @ T_imu_lidar[:3, 3]
+    R_map_imu, p_map_imu = imu_pose(trajectory.R_map_lidar, trajectory.p_map_lidar, T_imu_lidar)
     return ImuMotion(trajectory.epoch_ns, trajectory.times_s, R_map_imu, p_map_imu, trajectory.valid)
 
 

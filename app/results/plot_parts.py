@@ -39,7 +39,7 @@ def time_blocks(blocks: Sequence[TimeBlock]) -> str:
 
 
 def planes_and_ranges(planes: Sequence[PlaneAnswer], ranges: Sequence[RangeAnswer]) -> str:
-    """The same of each plane, and of the nearer and the farther half of the points."""
+    """The own answers of each plane, and of the nearer and the farther half of the points, less the joint one."""
     names = [plane.name[:24] for plane in planes] + [f"{part.from_m:.1f} to {part.to_m:.1f} m" for part in ranges]
     canvas = Canvas(FULL, 0.75 + 0.21 * len(names))
     (row,) = canvas.axes(1, 3)

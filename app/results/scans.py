@@ -10,12 +10,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from app.results.plane_table import PlaneTable
 from app.results.thickness import GATE_M as ON_PLANE_M
-from app.results.thickness import nearest_plane, outlines_of
+from app.results.thinning import thinned_scan
 from app.schemas.results import ScanQuality
 from calib_core import api
 from calib_core.result import PlaneQuality
-from calib_core.types import PointArray, Recording, Scan, Trajectory
+from calib_core.types import Recording, Trajectory
 
 #: Wider than a wall's thickness, so that a scan that is off by decimetres shows.
 GATE_M = 0.30
@@ -34,9 +35,7 @@ def measure_scans(
 
     used_ns: stamps of the scans that it looked at; None for all.
     """
-    normals = np.array([plane.normal for plane in planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in planes], dtype=np.float64)
-    outlines_m = outlines_of(planes)
+    table = PlaneTable.of(planes)
     first_ns = recording.scans[0].stamp_ns if len(recording.scans) else 0
     t_s: list[float] = []
     rms_m: list[float | None] = []
@@ -48,19 +47,8 @@ def measure_scans(
             rms_m.append(None)
             share.append(None)
             continue
-        some = _sample(scan)
-        owner, dist_m = nearest_plane(
-            api.map_points(some, trajectory), normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_m
-        )
+        owner, dist_m = table.nearest(api.map_points(thinned_scan(scan, POINTS), trajectory), gate_m=GATE_M)
         on = owner >= 0
         rms_m.append(float(np.sqrt(np.mean(np.square(dist_m[on], dtype=np.float64)))) if on.any() else None)
         share.append(float((on & (np.abs(dist_m) <= ON_PLANE_M)).mean()))
     return ScanQuality(t_s=t_s, rms_m=rms_m, share=share, points_each=POINTS)
-
-
-def _sample(scan: Scan) -> Scan:
-    if len(scan.points) <= POINTS:
-        return scan
-    chosen = np.linspace(0, len(scan.points) - 1, POINTS).astype(np.int64)
-    points: PointArray = scan.points[chosen]
-    return Scan(index=scan.index, stamp_ns=scan.stamp_ns, points=points)

@@ -90,7 +90,7 @@ class ResultService:
         return command_of(self.document(job), reading, request, found=found)
 
     def report_page(self, job: JobRecord, recording: RecordingRecord, *, guest: bool = False) -> str:
-        """The result as one page for people.   guest: as above."""
+        """The result as one page for people.   guest: sees the recording by its name, and no folder."""
         folder = self._files.job(job.id)
         beside = Beside(
             walls=_kept(folder / "thickness.json", Thickness),

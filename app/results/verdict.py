@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import re
 
+from app.axes import AXIS_NAMES
 from app.results.agreement import STRETCHES, zero_crossings_told
 from app.schemas.jobs import SolveOutcome, Tone
-from app.weak_limits import AXIS_NAMES
 from calib_core.phrasing import counted
 from calib_core.result import CalibrationResult, Status
 from calib_core.sigmas import decimals, std_text, two_digits

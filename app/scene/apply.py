@@ -10,7 +10,7 @@ import numpy as np
 import viser
 
 from app.scene.aim import Stage, Stand, hidden, stand, wall_of
-from app.scene.camera import camera_of
+from app.scene.camera import Camera, Place
 from app.scene.cutaway import pieces
 from app.scene.cycle import Cycle, pierced
 from app.scene.embedded_viser import DoorlessViser, leaving
@@ -19,7 +19,7 @@ from app.scene.nodes import Put, put
 from app.scene.readout import read_out
 from app.scene.region import frustum_sides
 from app.scene.takeaway import cutting_itself
-from app.scene.wipe import Camera
+from app.scene.viser_poses import camera_of
 from calib_core.types import BoolArray, Float32Array, FloatArray
 
 OnPatch = Callable[[int], None]
@@ -29,11 +29,10 @@ OnBox = Callable[[FloatArray], None]
 
 #: A canvas is taken to be so wide for its height until a browser tells.
 ASPECT = 1.6
-#: What is behind the clouds: nothing drawn may vanish into it, neither white nor dark blue.
 #: How much of its opacity a sheet keeps that is cut away and shown as glass.
 GLASS = 0.3
+#: What is behind the clouds, by whether it is dark: nothing drawn may vanish into it, neither white nor dark blue.
 BACKGROUNDS: dict[bool, tuple[int, int, int]] = {True: (12, 14, 17), False: (204, 210, 217)}
-
 
 #: What viser's own panel, which nobody sees, is called once there is something to see.
 FIRST_PICTURE = "first picture"
@@ -119,7 +118,7 @@ class ShownScene:
         """Where the browser looks from whose camera moved last; None before there is one."""
         return self._camera
 
-    def read_out(self, place: tuple[float, float]) -> str:
+    def read_out(self, place: Place) -> str:
         """What is under the pointer at that place of the canvas, shares of it, in the browser that moved last."""
         camera, content = self._camera, self._content
         if camera is None or content.readout is None:

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from app.planes import palette
 from app.planes.geometry import labels, within_region
 from app.planes.palette import Colors
 from app.planes.state import EditedPatch, PlaneSet
+from app.results.plane_table import PlaneTable
+from app.results.thinning import spread, thinned_scan
 from app.scene.aim import Stage, stage_of
 from app.scene.items import (
     FIRST_SCANS,
@@ -80,8 +81,7 @@ class Solved:
 def solved_stage(recording: Recording, solved: Solved) -> Stage:
     """The solved planes, upright."""
     up = vertical_of(recording, solved.trajectory, solved.T_imu_lidar, time_offset_s=solved.time_offset_s)
-    walls = np.array([(*plane.normal, plane.offset_m) for plane in solved.planes], dtype=np.float64).reshape(-1, 4)
-    return stage_of(up, walls)
+    return stage_of(up, PlaneTable.of(solved.planes).equations)
 
 
 def build_planes(
@@ -102,7 +102,7 @@ def build_planes(
     owner = labels(proposals, planes)
     walls = np.array([(*patch.normal, patch.offset_m) for patch in planes.patches], dtype=np.float64).reshape(-1, 4)
     stage = stage_of(up, walls)
-    shown = thinned(len(proposals.cloud_m), limit)
+    shown = spread(len(proposals.cloud_m), limit)
     if planes.region:  # what a box has left out stays as a trace
         inside = within_region(proposals.cloud_m[shown], planes.region)
         shown = np.concatenate([shown[inside], shown[~inside][::OUTSIDE_STRIDE]])
@@ -195,7 +195,7 @@ def build_unsolved(recording: Recording, place: int, *, color_by: ColorBy, limit
 
 def build_first(points: PointArray, *, limit: int, note: str) -> Content:
     """The first points (N,) of a recording, lidar frame, before its planes are known."""
-    shown: PointArray = points[thinned(len(points), limit)]
+    shown: PointArray = points[spread(len(points), limit)]
     scan = Scan(index=0, stamp_ns=0, points=shown)
     xyz = shown["xyz"].astype(np.float32)
     cloud = Cloud("/cloud", xyz, scan_colors(scan, "intensity"), point_size_m(xyz))
@@ -223,21 +223,6 @@ def build_straightened(
 def empty(note: str) -> Content:
     """Nothing to show, and why."""
     return Content(items=(Axes("/lidar", np.eye(3), np.zeros(3), 0.5),), legend="", note=note)
-
-
-def thinned(count: int, limit: int) -> NDArray[np.int64]:
-    """At most `limit` places spread evenly over 0 .. count - 1; the same ones each time."""
-    if count <= limit:
-        return np.arange(count)
-    return np.linspace(0, count - 1, limit).astype(np.int64)
-
-
-def thinned_scan(scan: Scan, limit: int) -> Scan:
-    """The scan with at most `limit` of its points."""
-    if len(scan.points) <= limit:
-        return scan
-    points: PointArray = scan.points[thinned(len(scan.points), limit)]
-    return Scan(index=scan.index, stamp_ns=scan.stamp_ns, points=points)
 
 
 def _patch_rgb(patch: EditedPatch) -> palette.Rgb:

@@ -1,36 +1,39 @@
-"""Poses as viser has them: quaternions with the scalar first, and where a browser looks from. Nothing else converts."""
+"""Where a browser looks from, and the rays through its canvas.
+
+A place of the canvas is (u, v), shares of it from its upper left corner; in the camera's frame x is right, y down, z forward. The
+ray through it is
+
+    ((2 u - 1) tan(fov / 2) aspect, (2 v - 1) tan(fov / 2), 1)
+"""
 
 from __future__ import annotations
 
-import numpy as np
-import viser
-from numpy.typing import NDArray
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from app.scene.wipe import Camera
+import numpy as np
+
 from calib_core.types import FloatArray
 
-
-def quat_wxyz(rotation: FloatArray) -> tuple[float, float, float, float]:
-    """The quaternion of a rotation matrix (3, 3) in viser's order, scalar first."""
-    from scipy.spatial.transform import Rotation
-
-    x, y, z, w = (float(part) for part in Rotation.from_matrix(rotation).as_quat())
-    return w, x, y, z
+#: A place of the canvas.
+Place = tuple[float, float]
 
 
-def rotation_matrix(wxyz: NDArray[np.float64]) -> FloatArray:
-    """The rotation (3, 3) of a quaternion in viser's order."""
-    from scipy.spatial.transform import Rotation
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """Where a browser looks from. R_scene_camera: (3, 3).   p_scene_camera: (3,).
 
-    w, x, y, z = wxyz
-    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
+    fov_rad: vertical opening.   aspect: width over height.
+    """
 
+    R_scene_camera: FloatArray
+    p_scene_camera: FloatArray
+    fov_rad: float
+    aspect: float
 
-def camera_of(camera: viser.CameraHandle) -> Camera:
-    """Where a browser looks from, as viser tells it."""
-    return Camera(
-        R_scene_camera=rotation_matrix(camera.wxyz),
-        p_scene_camera=np.array(camera.position, dtype=np.float64),
-        fov_rad=float(camera.fov),
-        aspect=float(camera.aspect),
-    )
+    def rays(self, places: Sequence[Place]) -> FloatArray:
+        """(N, 3) directions in the scene's frame through places of the canvas, of length 1 along z of the camera."""
+        half = float(np.tan(self.fov_rad / 2))
+        ahead = np.array([((2 * u - 1) * half * self.aspect, (2 * v - 1) * half, 1.0) for u, v in places])
+        rays: FloatArray = ahead @ self.R_scene_camera.T
+        return rays

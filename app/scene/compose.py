@@ -15,6 +15,7 @@ from app.jobs.stored_parts import error_of
 from app.planes.service import PlaneService
 from app.scene.aim import Stage
 from app.scene.build import Solved, build_first, build_planes, build_straightened, build_unsolved, empty, solved_stage
+from app.scene.camera import Camera
 from app.scene.converge import build_converging, steady_up
 from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Cloud, Content
@@ -22,7 +23,6 @@ from app.scene.nudge import nudged, wall_blur, with_old
 from app.scene.sources import SceneSources, Shelf, SolvedJob
 from app.scene.straighten import fastest_scan, straighten
 from app.scene.surface import LEGEND, surface_items
-from app.scene.wipe import Camera
 from app.schemas.view import View, ViewState, WallBlur
 from app.storage.records import JobRecord, RecordingRecord
 from calib_core.types import FloatArray, Recording, Trajectory

@@ -12,9 +12,11 @@ from collections.abc import Callable
 import numpy as np
 
 from app.planes import palette
-from app.results.thickness import nearest_plane
+from app.results.imu_pose import imu_pose
+from app.results.plane_table import PlaneTable
+from app.results.thinning import thinned_scan
 from app.scene.aim import stage_of
-from app.scene.build import ground, thinned_scan
+from app.scene.build import ground
 from app.scene.inspect import RESIDUAL_GATE_M, RESIDUAL_HALF_M
 from app.scene.items import Axes, Cloud, Content, breadth_m, frame_names, point_size_m
 from app.schemas.results import Thickness
@@ -52,16 +54,15 @@ def build_converging(
         return Content(items=(), legend="", note="This step says nothing of the sweeps yet.")
     moved = np.concatenate([api.map_points(scan, motion) for scan, motion in pairs])
     rigid = np.concatenate([api.raw_map_points(scan, motion) for scan, motion in pairs])
-    normals = np.array([plane.normal for plane in step.planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in step.planes], dtype=np.float64)
+    table = PlaneTable(
+        np.array([(*plane.normal, plane.offset_m) for plane in step.planes], dtype=np.float64).reshape(-1, 4)
+    )
     shown: Float32Array = rigid + np.float32(straight) * (moved - rigid)
-    _, dist_m = nearest_plane(shown, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
-    stage = stage_of(up, np.column_stack([normals, offsets_m]))
+    _, dist_m = table.nearest(shown, gate_m=RESIDUAL_GATE_M)
+    stage = stage_of(up, table.equations)
     first = pairs[0][1]
-    matrix = np.array(step.matrix)
     R_lidar, p_lidar = first.R_map_lidar[0], first.p_map_lidar[0]
-    R_imu = R_lidar @ matrix[:3, :3].T
-    p_imu = p_lidar - R_imu @ matrix[:3, 3]
+    R_imu, p_imu = imu_pose(R_lidar, p_lidar, np.array(step.matrix))
     return Content(
         items=(
             Cloud("/sweeps", shown, palette.diverging(dist_m, RESIDUAL_HALF_M, dark=dark), point_size_m(moved)),
@@ -71,7 +72,7 @@ def build_converging(
             *ground(moved, stage),
         ),
         stage=stage,
-        legend=f"{_told(len(pairs), measured, lambda: _thickness(moved, rigid, normals, offsets_m))} "
+        legend=f"{_told(len(pairs), measured, lambda: _thickness(moved, rigid, table))} "
         f"Colour: distance to plane, blue \N{MINUS SIGN}50, {palette.ZERO[dark]} 0, orange +50 mm.",
     )
 
@@ -113,13 +114,11 @@ def motion_of(sweep: SweepMotion) -> Trajectory:
     )
 
 
-def _thickness(
-    moved: Float32Array, rigid: Float32Array, normals: FloatArray, offsets_m: FloatArray
-) -> tuple[float, float]:
+def _thickness(moved: Float32Array, rigid: Float32Array, table: PlaneTable) -> tuple[float, float]:
     """Spread [m] of the same points about their planes: straightened, and with each sweep as one rigid body."""
-    owner, after_m = nearest_plane(moved, normals, offsets_m, gate_m=WALL_GATE_M)
+    owner, after_m = table.nearest(moved, gate_m=WALL_GATE_M)
     chosen = owner >= 0
     if not chosen.any():
         return 0.0, 0.0
-    before_m = np.einsum("ij,ij->i", rigid[chosen], normals[owner[chosen]]) + offsets_m[owner[chosen]]
+    before_m = table.distances_m(rigid[chosen], owner[chosen])
     return float(np.sqrt(np.mean(after_m[chosen] ** 2))), float(np.sqrt(np.mean(before_m**2)))

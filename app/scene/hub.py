@@ -18,12 +18,12 @@ from app.errors import ApiError, BadRequest, NotFound
 from app.events import ClickWasRefused, ViewEdited
 from app.planes.service import PlaneService
 from app.scene.apply import ShownScene, warm_up
+from app.scene.camera import Camera, Place
 from app.scene.compose import Composed, Composer
 from app.scene.open_scenes import OpenScene, OpenScenes
 from app.scene.picking import pick
 from app.scene.tabs import Tabs
 from app.scene.throttle import Throttle
-from app.scene.wipe import Camera
 from app.schemas.planes import Grow, Restrict, Side, Toggle
 from app.schemas.view import ChangeView, View, ViewState
 from app.settings import AppSettings
@@ -102,7 +102,7 @@ class SceneHub:
         self._bus.publish(ViewEdited(recording_id, composed.view))
 
     def refresh_live(self, recording_id: str) -> None:
-        """The same for a running solve: only when somebody looks, and not too often."""
+        """Show a running solve's latest step: only where somebody looks, and not too often."""
         scene = self.open.find(recording_id)
         if scene is not None and scene.watchers > 0:
             scene.live.request()
@@ -128,7 +128,7 @@ class SceneHub:
         scene = self.open.find(recording_id)
         return None if scene is None else scene.shown.camera
 
-    def read_out(self, recording_id: str, place: tuple[float, float]) -> str:
+    def read_out(self, recording_id: str, place: Place) -> str:
         """What is seen at that place of the canvas, shares of it; "" where there is nothing, or no scene."""
         scene = self.open.find(recording_id)
         return "" if scene is None else scene.shown.read_out(place)

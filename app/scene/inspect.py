@@ -16,12 +16,16 @@ import numpy as np
 
 from app.planes import palette
 from app.planes.palette import Colors
-from app.results.thickness import GATE_M, nearest_plane, outlines_of, spread
+from app.results.imu_pose import imu_pose
+from app.results.plane_table import PlaneTable
+from app.results.thickness import GATE_M
+from app.results.thinning import spread, thinned_scan
 from app.scene.aim import DIRECTIONS, Stage
-from app.scene.build import Solved, ground, legend_of, lightness, scan_colors, texture, thinned, thinned_scan
+from app.scene.build import Solved, ground, legend_of, lightness, scan_colors, texture
+from app.scene.camera import Camera
 from app.scene.items import ONE_PLACE, Axes, Cloud, Content, Item, Label, Line, breadth_m, frame_names, point_size_m
 from app.scene.readout import Readout, from_plane
-from app.scene.wipe import Camera, left_of
+from app.scene.wipe import left_of
 from app.schemas.view import Against, ColorBy, Extent, Preset, Show
 from calib_core import api
 from calib_core.types import BoolArray, Float32Array, FloatArray, Recording, Scan, Trajectory
@@ -173,15 +177,12 @@ def _readout(
     """returns: made when a point is first asked for, since most scenes are only looked at."""
     drawn = np.concatenate([part.xyz for part in parts])
     part_of = np.repeat(np.arange(len(parts)), [len(part.xyz) for part in parts])
-    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
+    table = PlaneTable.of(solved.planes)
 
     def says(place: int) -> str:
         scan, ring, range_m, ms = returns()[place]
         here = (drawn[place] - shifts[part_of[place]]).astype(np.float32)[None]
-        owner, dist_m = nearest_plane(
-            here, normals, offsets_m, gate_m=RESIDUAL_GATE_M, outlines_m=outlines_of(solved.planes)
-        )
+        owner, dist_m = table.nearest(here, gate_m=RESIDUAL_GATE_M)
         on = "no plane near" if owner[0] < 0 else from_plane(solved.planes[owner[0]].name, float(dist_m[0]))
         return f"{on}; ring {ring:.0f}, {range_m:.2f} m away, {ms:.1f} ms into scan {scan + 1:.0f}"
 
@@ -198,16 +199,13 @@ def _points(scan: Scan, motions: Motions, source: Source) -> Float32Array:
 def _colors(scan: Scan, points_map: Float32Array, solved: Solved, look: Look) -> Colors:
     if look.color_by in {"time", "intensity"}:
         return scan_colors(scan, look.color_by)
-    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
+    table = PlaneTable.of(solved.planes)
     if look.color_by == "plane":
-        owner, _ = nearest_plane(
-            points_map, normals, offsets_m, gate_m=PLANE_GATE_M, outlines_m=outlines_of(solved.planes)
-        )
+        owner, _ = table.nearest(points_map, gate_m=PLANE_GATE_M)
         rgb = palette.by_label(owner, [palette.plane_rgb(place) for place in solved.colors])
-        light = lightness(np.column_stack([normals, offsets_m]), look.stage)[owner]
+        light = lightness(table.equations, look.stage)[owner]
         return palette.lit(rgb, light * texture(scan.points["intensity"].astype(np.float32)))
-    _, dist_m = nearest_plane(points_map, normals, offsets_m, gate_m=RESIDUAL_GATE_M)
+    _, dist_m = table.nearest(points_map, gate_m=RESIDUAL_GATE_M, bounded=False)
     return palette.diverging(dist_m, RESIDUAL_HALF_M, dark=look.dark)
 
 
@@ -244,12 +242,11 @@ def _motion(recording: Recording, look: Look, motions: Motions, stand: FloatArra
     scan_s = trajectory.begin_s(recording.scans[look.place])
     knot = int(np.abs(trajectory.times_s - scan_s).argmin())
     R_map_lidar, p_map_lidar = trajectory.R_map_lidar[knot], trajectory.p_map_lidar[knot] + stand
-    R_map_imu = R_map_lidar @ T_imu_lidar[:3, :3].T
-    p_map_imu = p_map_lidar - R_map_imu @ T_imu_lidar[:3, 3]
-    items: list[Item] = [Line("/path/whole", path[thinned(len(path), 2000)], palette.NO_PLANE)]
+    R_map_imu, p_map_imu = imu_pose(R_map_lidar, p_map_lidar, T_imu_lidar)
+    items: list[Item] = [Line("/path/whole", path[spread(len(path), 2000)], palette.NO_PLANE)]
     if knot > 0:
         behind = path[: knot + 1]
-        items.append(Line("/path/behind", behind[thinned(len(behind), 2000)], palette.PATH, width_px=3.0))
+        items.append(Line("/path/behind", behind[spread(len(behind), 2000)], palette.PATH, width_px=3.0))
     return (
         *items,
         Axes("/lidar", R_map_lidar, p_map_lidar, 0.45),

@@ -9,8 +9,8 @@ from typing import Protocol, cast
 import numpy as np
 import viser
 
-from app.scene.camera import quat_wxyz
 from app.scene.items import Axes, Cloud, Edges, Floor, Item, Label, Line, Sheet
+from app.scene.viser_poses import quat_wxyz
 from calib_core.types import FloatArray
 
 #: Called with a patch's place, and origin (3,) and direction (3,) of the click on its sheet, in scene coordinates.

@@ -17,8 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from app.results.thickness import GATE_M, nearest_plane, outlines_of, spread
-from app.scene.build import Solved, thinned_scan
+from app.results.imu_pose import imu_pose
+from app.results.plane_table import PlaneTable
+from app.results.thickness import GATE_M
+from app.results.thinning import spread, thinned_scan
+from app.scene.build import Solved
 from app.schemas.view import Nudge, OldExtrinsic, WallBlur
 from calib_core import api
 from calib_core.types import FloatArray, Recording, Trajectory
@@ -54,9 +57,7 @@ def with_extrinsic(
     trajectory: Trajectory, T_imu_lidar: FloatArray, T_other: FloatArray, *, later_s: float
 ) -> Trajectory:
     """The lidar's motion with `T_other` in place of `T_imu_lidar`, both (4, 4), and the IMU's clock so much later."""
-    R_c, p_c = T_imu_lidar[:3, :3], T_imu_lidar[:3, 3]
-    R_map_imu = trajectory.R_map_lidar @ R_c.T
-    p_map_imu = trajectory.p_map_lidar - R_map_imu @ p_c
+    R_map_imu, p_map_imu = imu_pose(trajectory.R_map_lidar, trajectory.p_map_lidar, T_imu_lidar)
     R_new = R_map_imu @ T_other[:3, :3]
     p_new = R_map_imu @ T_other[:3, 3] + p_map_imu
     first = int(np.argmax(trajectory.valid))
@@ -75,22 +76,17 @@ def wall_blur(recording: Recording, solved: Solved, wrong: Trajectory) -> WallBl
     What the other motion costs is seen on a few points of a few scans. Their own thickness differs from that of all points by
     a few tenths of a millimetre, which is no cost: what they gain is added to the thickness as measured, in mean squares.
     """
-    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
-    outlines_m = outlines_of(solved.planes)
+    table = PlaneTable.of(solved.planes)
     right_m: list[FloatArray] = []
     wrong_m: list[FloatArray] = []
     for place in spread(len(recording.scans), BLUR_SCANS):
         if not api.covers(solved.trajectory, recording.scans[place]):
             continue
         scan = thinned_scan(recording.scans[place], BLUR_POINTS)
-        owner, dist_m = nearest_plane(
-            api.map_points(scan, solved.trajectory), normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_m
-        )
+        owner, dist_m = table.nearest(api.map_points(scan, solved.trajectory), gate_m=GATE_M)
         chosen = owner >= 0
-        moved = api.map_points(scan, wrong)[chosen]
         right_m.append(dist_m[chosen].astype(np.float64))
-        wrong_m.append(np.einsum("ij,ij->i", moved, normals[owner[chosen]]) + offsets_m[owner[chosen]])
+        wrong_m.append(table.distances_m(api.map_points(scan, wrong)[chosen], owner[chosen]))
     solved_m2, nudged_m2 = _mean_square(right_m), _mean_square(wrong_m)
     measured_m2 = solved_m2 if solved.walls is None else solved.walls.after_rms_m**2
     return WallBlur(

@@ -1,10 +1,4 @@
-"""What is under the pointer: which point, on which plane, by which laser, how far away. Pure; knows no browser.
-
-The ray through the pixel at (u, v), shares of the canvas from its upper left corner, in the camera's frame (x right, y down,
-z forward):
-
-    ((2 u - 1) tan(fov / 2) aspect, (2 v - 1) tan(fov / 2), 1)
-"""
+"""What is under the pointer: which point, on which plane, by which laser, how far away. Pure; knows no browser."""
 
 from __future__ import annotations
 
@@ -14,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from app.scene.aim import hidden, wall_of
+from app.scene.camera import Camera, Place
 from app.scene.picking import pick_place
-from app.scene.wipe import Camera
 from calib_core.types import Float32Array, FloatArray
 
 #: A plane leans so much less than half of a right angle that it is one to stand on.
@@ -30,11 +24,9 @@ class Readout:
     says: Callable[[int], str]
 
 
-def read_out(readout: Readout, walls: FloatArray, camera: Camera, place: tuple[float, float]) -> str:
-    """What is said of the point seen at `place`, shares of the canvas; "" where there is none. walls: (K, 4), cut away."""
-    u, v = place
-    half = float(np.tan(camera.fov_rad / 2))
-    ray = camera.R_scene_camera @ np.array([(2 * u - 1) * half * camera.aspect, (2 * v - 1) * half, 1.0])
+def read_out(readout: Readout, walls: FloatArray, camera: Camera, place: Place) -> str:
+    """What is said of the point seen at `place`; "" where there is none. walls: (K, 4), cut away."""
+    (ray,) = camera.rays([place])
     cut = np.append(hidden(walls, camera.p_scene_camera), False)
 
     def drawn(points_m: Float32Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:

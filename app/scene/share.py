@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from app.errors import Conflict
 from app.scene.apply import ShownScene
 from app.scene.build import Solved, solved_stage
 from app.scene.inspect import Look, Motions, build_inspection
+from app.scene.sources import SceneSources
+from app.storage.records import RecordingRecord
 from calib_core.types import Recording
+
+
+def answer_page(sources: SceneSources, record: RecordingRecord, job_id: str, *, limit: int, dark: bool) -> str:
+    """The page of a solve; Conflict where it has no answer."""
+    found, recording = sources.solved(record, job_id), sources.recording(record)
+    if found is None or recording is None or len(recording.scans) == 0:
+        raise Conflict("result.no_answer", "This run has no answer to make a scene of; solve first.")
+    return shared_page(recording, found.solved, limit=limit, dark=dark)
 
 
 def shared_page(recording: Recording, solved: Solved, *, limit: int, dark: bool) -> str:

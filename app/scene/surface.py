@@ -6,7 +6,8 @@ import numpy as np
 
 from app.arrays.surface import Surface
 from app.planes import palette
-from app.results.thickness import GATE_M, nearest_plane, outlines_of
+from app.results.plane_table import PlaneTable
+from app.results.thickness import GATE_M
 from app.scene.aim import Stage, wall_of
 from app.scene.build import Solved
 from app.scene.items import Sheet
@@ -19,9 +20,7 @@ def surface_items(surface: Surface, solved: Solved, stage: Stage) -> tuple[Sheet
     if len(surface.faces) == 0:
         return ()
     centres = surface.vertices_m[surface.faces].mean(axis=1)
-    normals = np.array([plane.normal for plane in solved.planes], dtype=np.float64).reshape(-1, 3)
-    offsets_m = np.array([plane.offset_m for plane in solved.planes], dtype=np.float64)
-    owner, _ = nearest_plane(centres, normals, offsets_m, gate_m=GATE_M, outlines_m=outlines_of(solved.planes))
+    owner, _ = PlaneTable.of(solved.planes).nearest(centres, gate_m=GATE_M)
     wall = wall_of(centres, stage.walls) if len(stage.walls) else np.full(len(centres), -1)
     sheets: list[Sheet] = []
     for place, plane in sorted(set(zip(wall.tolist(), owner.tolist(), strict=True))):

@@ -1,31 +1,17 @@
 """The wipe: an upright line across the canvas, one cloud left of it, another right of it, as in a photo editor.
 
 viser draws one scene for all, so the cut is made here: with the pose of the camera that moved last, each point's place
-on the canvas decides whether it is kept. In the camera's frame x is right, y down, z forward:
+on the canvas decides whether it is kept, in the camera's frame (camera.py):
 
     u = 1/2 + x / (2 z tan(fov / 2) aspect)          0 at the canvas's left edge, 1 at its right
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from calib_core.types import BoolArray, Float32Array, FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class Camera:
-    """Where a browser looks from. R_scene_camera: (3, 3), x right, y down, z forward.   p_scene_camera: (3,).
-
-    fov_rad: vertical opening.   aspect: width over height.
-    """
-
-    R_scene_camera: FloatArray
-    p_scene_camera: FloatArray
-    fov_rad: float
-    aspect: float
+from app.scene.camera import Camera
+from calib_core.types import BoolArray, Float32Array
 
 
 def left_of(points_m: Float32Array, camera: Camera, share: float) -> BoolArray:

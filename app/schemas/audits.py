@@ -1,16 +1,12 @@
-"""An audit as it is asked for; its report is the library's own model, untouched."""
+"""An audit as it is asked for. Its report goes over the wire as the library has it."""
 
 from __future__ import annotations
-
-from typing import Literal
 
 from pydantic import Field
 
 from app.schemas.common import WireModel
+from calib_core.audit.given import Direction
 from calib_core.audit.limits import Limits
-from calib_core.audit.report import AuditReport
-
-Report = AuditReport
 
 
 class NewAudit(WireModel):
@@ -20,7 +16,7 @@ class NewAudit(WireModel):
         max_length=200_000,
         description="a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers",
     )
-    direction: Literal["imu_lidar", "lidar_imu"] = Field(
+    direction: Direction = Field(
         default="imu_lidar", description="of bare numbers: imu_lidar takes lidar coordinates to the IMU's"
     )
     limits: Limits = Limits()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
@@ -19,10 +20,18 @@ class WireModel(BaseModel):
 
 
 #: Names of recordings, jobs and uploads: 128 random bits in hexadecimal, never anything a user typed.
-RecordId = Annotated[str, Field(pattern="^[0-9a-f]{32}$", examples=["5f0c6c9be0b24d9f8c1be9ad0a2f1f0e"])]
+ID_DIGITS = "[0-9a-f]{32}"
+ID_PATTERN = f"^{ID_DIGITS}$"
+ID_EXAMPLE = "5f0c6c9be0b24d9f8c1be9ad0a2f1f0e"
+RecordId = Annotated[str, Field(pattern=ID_PATTERN, examples=[ID_EXAMPLE])]
 
 #: Added to IMU stamps; as far as the library takes one, in a file too.
 OffsetSeconds = Annotated[float, Field(ge=-FARTHEST_S, le=FARTHEST_S)]
+
+
+def is_id(text: str) -> bool:
+    """Whether something can be called so."""
+    return re.fullmatch(ID_DIGITS, text, re.ASCII) is not None
 
 
 class ErrorDetails(WireModel):

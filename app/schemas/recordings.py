@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from app.schemas.common import ErrorFacts, RecordId, WireModel
 from app.schemas.jobs import Job
-from app.schemas.report import Report
+from calib_core.doctor.report import DoctorReport, Verdict
 from calib_core.settings import CalibrateSettings, ReadSettings
 
 Origin = Literal["upload", "folder", "sample"]
@@ -28,7 +28,7 @@ class Recording(WireModel):
     state: RecordingState
     error: ErrorFacts | None = Field(default=None, description="why `state` is failed")
     read_settings: ReadSettings
-    report: Report | None = Field(default=None, description="the doctor's report; None until inspected")
+    report: DoctorReport | None = Field(default=None, description="the doctor's report; None until inspected")
     has_planes: bool = Field(description="whether planes have been proposed for it as it is read now")
     created_at: datetime
     latest_job: Job | None = None
@@ -36,9 +36,7 @@ class Recording(WireModel):
         default=None,
         description="the newest solve that was not refused, whatever was tried since; None where there is none",
     )
-    verdict: Literal["good", "limited", "unusable"] | None = Field(
-        default=None, description="the doctor's, in lists too; None until inspected"
-    )
+    verdict: Verdict | None = Field(default=None, description="the doctor's, in lists too; None until inspected")
 
 
 class OpenRecording(WireModel):

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 from pydantic import Field
 
 from app.schemas.common import ErrorFacts, RecordId, WireModel
 from app.schemas.jobs import Job
+from calib_core.audit.given import Direction
 
 
 class WallThickness(WireModel):
@@ -60,7 +59,7 @@ class ExtrinsicText(WireModel):
     """An extrinsic as it was pasted or uploaded."""
 
     text: str = Field(max_length=200_000)
-    direction: Literal["imu_lidar", "lidar_imu"] = Field(
+    direction: Direction = Field(
         default="imu_lidar", description="of bare numbers: imu_lidar takes lidar coordinates to the IMU's"
     )
 

@@ -7,12 +7,13 @@ from typing import Annotated, cast
 from fastapi import Depends, Path, Query
 from starlette.requests import HTTPConnection
 
-from app.errors import Refused
+from app.schemas.common import ID_PATTERN
 from app.server.services import Services
+from app.server.share import other_recording
 from app.storage.records import JobRecord, RecordingRecord
 
-_ID = Path(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits")
-_WISHED_ID = Query(pattern="^[0-9a-f]{32}$", description="32 hexadecimal digits")
+_ID = Path(pattern=ID_PATTERN, description="32 hexadecimal digits")
+_WISHED_ID = Query(pattern=ID_PATTERN, description="32 hexadecimal digits")
 
 
 def services_of(connection: HTTPConnection) -> Services:
@@ -21,7 +22,7 @@ def services_of(connection: HTTPConnection) -> Services:
 
 
 async def get_services(connection: HTTPConnection) -> Services:
-    """The same as a dependency: not in a thread, of which there are only so many, for it looks nothing up."""
+    """The services as a dependency: async, for it looks nothing up, and threads are few."""
     return services_of(connection)
 
 
@@ -53,7 +54,7 @@ def get_job(connection: HTTPConnection, services: ServicesDep, job_id: Annotated
 def _check_shared(connection: HTTPConnection, recording_id: str) -> None:
     """Raise Refused where the visitor came by a link to another recording."""
     if getattr(connection.state, "shared", None) not in {None, recording_id}:
-        raise Refused("share.other", "Your link shows one recording only; ask for the server's own address.")
+        raise other_recording()
 
 
 async def is_guest(connection: HTTPConnection) -> bool:

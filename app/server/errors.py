@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import http
 import logging
 import os
@@ -13,27 +12,24 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 
-from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
+from app.errors import DISK_FULL, ApiError, DiskFull, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from app.settings import AppSettings
 from calib_core.errors import UnsweepError
 from calib_core.validation_messages import misfit
 
-#: The disk is full, or the share of it that this user may have.
-FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
-
 _LOG = logging.getLogger("unsweep")
 
 
 def facts_of_request(error: Exception) -> tuple[int, ErrorFacts]:
-    """The same for what the web framework raises, too."""
+    """HTTP status and facts of any exception: those of app/errors.py, of the web framework, of the store and the disk."""
     if isinstance(error, RequestValidationError):
         facts = _invalid_request(error)
         # An id or a name within the address that no thing can have: nothing is there.
         return (404 if all(problem["loc"][0] == "path" for problem in error.errors()) else 422), facts
     if isinstance(error, HTTPException):
         return error.status_code, _http_facts(error)
-    if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in FULL):
+    if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in DISK_FULL):
         error = storage_error(error)
     return facts_of(error)
 

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from typing import cast
 
+from app.schemas.common import ID_EXAMPLE, ID_PATTERN
+
 #: A schema as decoded JSON.
 Schema = dict[str, object]
 _DEEPEST = 8
-_PATTERNS = {"^[0-9a-f]{32}$": "5f0c6c9be0b24d9f8c1be9ad0a2f1f0e"}
+_PATTERNS = {ID_PATTERN: ID_EXAMPLE}
 
 
 class ExampleMaker:

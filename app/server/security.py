@@ -25,19 +25,20 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.errors import ApiError, Refused, TooLarge, Unauthorised
-from app.jobs.client import ASKING
+from app.jobs.asking import ASKING
+from app.schemas.common import ID_DIGITS
 from app.server import sessions, share
 from app.server.brake import Brake
 from app.server.errors import error_response
 from app.server.sessions import Sessions
-from app.server.share import ShareLinks, shown_to_guests
+from app.server.share import ShareLinks, other_recording, shown_to_guests
 from app.settings import AppSettings
 
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 #: Asked by machines that watch over the server; they tell nothing.
 OPEN_PATHS = frozenset({"/healthz", "/readyz"})
 #: Requests whose body is a recording or a part of one: their own limits hold (app/uploads). Anything else is bounded.
-UPLOADS = re.compile(r"POST /api/uploads|PATCH /api/uploads/[0-9a-f]{32}|PUT /api/recordings/upload", re.ASCII)
+UPLOADS = re.compile(rf"POST /api/uploads|PATCH /api/uploads/{ID_DIGITS}|PUT /api/recordings/upload", re.ASCII)
 #: The next part of a small body has to be here within this.
 BODY_PATIENCE_S = 30.0
 #: Dropped from every request: other methods than the one on the line, other addresses than the connection's.
@@ -117,7 +118,7 @@ class Gatekeeper:
         if shared is not None and scope["type"] == "http" and scope["method"] in {"GET", "HEAD"}:
             if shown_to_guests(scope["path"], shared):
                 return _Visitor(f"guest of {shared[:12]}", shared)
-            raise Refused("share.other", "Your link shows one recording only; ask for the server's own address.")
+            raise other_recording()
         raise Unauthorised(
             "token.missing",
             "This server wants its token: open the address it printed when it started, or send "
@@ -199,7 +200,7 @@ class Gatekeeper:
         await response(scope, receive, send)
 
     def _bounded(self, receive: Receive) -> Receive:
-        """The same body, refused once it is longer than allowed, whatever its headers said, or does not come."""
+        """What receives a body, and refuses it once it is longer than allowed, whatever its headers said, or does not come."""
         taken, ended = 0, False
 
         async def take() -> Message:

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from functools import cached_property
 
 from sqlalchemy import event
 
 from app.bus import Bus
-from app.errors import Conflict, facts_of
+from app.errors import facts_of
 from app.events import (
     ClickWasRefused,
     JobStepped,
@@ -32,37 +31,19 @@ from app.recordings.service import RecordingService
 from app.results.service import ResultService
 from app.scene.compose import Composer
 from app.scene.hub import SceneHub
-from app.scene.share import shared_page
 from app.scene.sources import SceneSources
 from app.schemas.jobs import Job
-from app.schemas.recordings import NewShareLink, Sample, ServerFacts, ShareLink, WeakLimits
+from app.schemas.recordings import ServerFacts
 from app.schemas.view import ClickRefused, JobChanged, PlanesChanged, RecordingChanged, ViewChanged
 from app.server.consequences import Consequences
+from app.server.facts import server_facts
 from app.server.feed import RecordingFeed
-from app.server.share import ShareLinks
-from app.server.usual import usual_numbers
+from app.server.readiness import Readiness
 from app.server.workflow import Orders, Workflow
 from app.settings import AppSettings
-from app.storage.database import open_database, touch_database
-from app.storage.files import SUFFIXES, DataFolder
-from app.storage.records import JobRecord, RecordingRecord
+from app.storage.database import open_database
+from app.storage.files import DataFolder
 from app.storage.store import DocumentStore, JobStore, RecordingStore
-from app.weak_limits import AXIS_NAMES
-from calib_core import __version__, api
-from calib_core.presets import IMU_PRESETS, LIDAR_PRESETS
-from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
-from calib_core.settings import CalibrateSettings
-
-#: Scenarios offered as samples, and their titles; the first is the one click away.
-SAMPLES = {
-    "paper-normal": "A room corner, 20 s",
-    "one-axis": "Turning about one axis only",
-    "vehicle": "A vehicle in a car park",
-}
-
-
-#: So long an answer of readyz holds: whoever may ask it may ask it as often as he likes.
-READY_FOR_S = 1.0
 
 
 class Services:
@@ -70,8 +51,6 @@ class Services:
 
     def __init__(self, settings: AppSettings, launcher: Launcher | None = None) -> None:
         self.settings = settings
-        self._checking = threading.Lock()
-        self._ready_at_s = float("-inf")
         self.files = DataFolder(settings)
         self.files.prepare()
         try:
@@ -82,6 +61,7 @@ class Services:
             raise
         event.listen(self._engine, "begin", lambda _: self.files.keep_reserve())
         recording_store, documents = RecordingStore(self._engine), DocumentStore(self._engine)
+        self.readiness = Readiness(self._engine, self.files)
         self.feed = RecordingFeed()
         self.folder = RecordingsFolder(settings.recordings_dir)
         bus = Bus()
@@ -120,7 +100,7 @@ class Services:
         self.workflow.take_up()
         self._launcher.prepare()
         # The first page that is opened asks for it; twenty that were open when a server ended ask at once.
-        threading.Thread(target=self.server_facts, name="facts", daemon=True).start()
+        threading.Thread(target=lambda: self.facts, name="facts", daemon=True).start()
         self.scenes.start()
         self.keeping.start()
 
@@ -139,55 +119,10 @@ class Services:
         self._engine.dispose()
         self.files.release()
 
-    def check_ready(self) -> None:
-        """Raise Unavailable or DiskFull unless store and data directory can be written. Asked often, tried seldom."""
-        with self._checking:
-            if time.monotonic() - self._ready_at_s > READY_FOR_S:
-                touch_database(self._engine)
-                self.files.check_writable()
-                self._ready_at_s = time.monotonic()
-
-    def server_facts(self) -> ServerFacts:
-        """What a client needs to know before anything else."""
-        return self._fixed_facts.model_copy(update={"recordings_folder": self.folder.offered})
-
     @cached_property
-    def _fixed_facts(self) -> ServerFacts:
-        """What does not change. Loads much of the library, once."""
-        texts = api.scenarios()
-        return ServerFacts(
-            version=__version__,
-            recordings_folder=False,
-            max_upload_bytes=self.settings.max_upload_bytes,
-            upload_suffixes=list(SUFFIXES),
-            export_formats=list(api.export_names()),
-            limits=WeakLimits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
-            usual=usual_numbers(),
-            solve_settings=CalibrateSettings(),
-            axis_names=AXIS_NAMES,
-            imu_presets=[preset.name for preset in IMU_PRESETS],
-            lidar_presets=[preset.name for preset in LIDAR_PRESETS],
-            samples=[Sample(scenario=name, title=title, text=texts[name]) for name, title in SAMPLES.items()],
-        )
-
-    def share(self, recording: RecordingRecord, wish: NewShareLink) -> ShareLink:
-        """A link that shows the recording; Conflict on a server that everybody may use anyway."""
-        if self.settings.token is None:
-            raise Conflict(
-                "share.open_server",
-                "This server has no token, so whoever reaches it sees everything; send its address.",
-            )
-        until = datetime.now(UTC) + timedelta(hours=wish.hours)
-        link = ShareLinks(self.settings.token).make(recording.id, until.timestamp())
-        return ShareLink(path=f"/r/{recording.id}/recording?share={link}", until=until)
-
-    def shared_scene(self, job: JobRecord, *, dark: bool) -> str:
-        """A solve's answer as one 3D page; Conflict where it has none."""
-        record = self.recordings.get(job.recording_id)
-        found, recording = self.sources.solved(record, job.id), self.sources.recording(record)
-        if found is None or recording is None or len(recording.scans) == 0:
-            raise Conflict("result.no_answer", "This run has no answer to make a scene of; solve first.")
-        return shared_page(recording, found.solved, limit=self.settings.displayed_points, dark=dark)
+    def facts(self) -> ServerFacts:
+        """What a client is told before anything else; worked out once, which takes a moment."""
+        return server_facts(max_upload_bytes=self.settings.max_upload_bytes, recordings_folder=self.folder.offered)
 
     def _choose_launcher(self) -> Launcher:
         """Processes on this machine, or the cluster of a scheduler; Unavailable where none answers."""

@@ -15,13 +15,17 @@ import json
 import re
 import time
 from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+
+from app.errors import Conflict, Refused
+from app.schemas.common import ID_DIGITS, is_id
+from app.schemas.recordings import NewShareLink, ShareLink
 
 COOKIE = "unsweep_share"
 #: Longer than any link of ours; more is not looked at.
 LONGEST_LINK = 400
 #: What belongs to the one recording is checked once more where it is loaded, since a job's id does not say whose it is.
-_OF_ONE = re.compile(r"/api/(recordings/(?P<recording>[0-9a-f]{32})(/.*)?|(jobs|results)/[0-9a-f]{32}(/.*)?|info)")
-_RECORDING = re.compile(r"[0-9a-f]{32}")
+_OF_ONE = re.compile(rf"/api/(recordings/(?P<recording>{ID_DIGITS})(/.*)?|(jobs|results)/{ID_DIGITS}(/.*)?|info)")
 
 
 class ShareLinks:
@@ -47,10 +51,27 @@ class ShareLinks:
         except (ValueError, binascii.Error):
             return None
         live = float(found["until"]) > self._clock()
-        return str(found["recording"]) if live and _RECORDING.fullmatch(str(found["recording"])) else None
+        return str(found["recording"]) if live and is_id(str(found["recording"])) else None
 
     def _signature(self, payload: str) -> str:
         return hmac.new(self._key, payload.encode(), hashlib.sha256).hexdigest()
+
+
+def share_link(token: str | None, recording_id: str, wish: NewShareLink) -> ShareLink:
+    """A link that shows the recording; Conflict on a server that everybody may use anyway."""
+    if token is None:
+        raise Conflict(
+            "share.open_server",
+            "This server has no token, so whoever reaches it sees everything; send its address.",
+        )
+    until = datetime.now(UTC) + timedelta(hours=wish.hours)
+    link = ShareLinks(token).make(recording_id, until.timestamp())
+    return ShareLink(path=f"/r/{recording_id}/recording?share={link}", until=until)
+
+
+def other_recording() -> Refused:
+    """The answer to who came by a link and asks for what it does not show."""
+    return Refused("share.other", "Your link shows one recording only; ask for the server's own address.")
 
 
 def shown_to_guests(path: str, recording_id: str) -> bool:

@@ -15,7 +15,7 @@ from app.jobs.state_machine import FINAL
 from app.jobs.stored_parts import UNREADABLE, readable_request
 from app.limits import JobLimits
 from app.planes.service import PlaneService
-from app.recordings.service import reading_of
+from app.recordings.service import reading_of, require_arrived
 from app.results.extrinsic_text import parse_extrinsic
 from app.scene.sources import SceneSources
 from app.schemas.audits import NewAudit
@@ -96,8 +96,7 @@ class Workflow:
 
     def start(self, record: RecordingRecord, wish: NewJob) -> Job:
         """A job somebody asked for."""
-        if record.state == "receiving":
-            raise Conflict("recording.receiving", "The recording is still arriving; start the job when it is here.")
+        require_arrived(record, "start the job")
         self._files.cache_key(record)  # refuses where the source is gone
         self._jobs.check_room()
         request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
@@ -107,8 +106,7 @@ class Workflow:
 
     def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:
         """An audit somebody asked for. What is no extrinsic is refused at once; a URDF's links need the recording's frames."""
-        if record.state == "receiving":
-            raise Conflict("recording.receiving", "The recording is still arriving; audit it when it is here.")
+        require_arrived(record, "audit it")
         self._files.cache_key(record)
         if not api.asks_for_frames(wish.extrinsic):
             parse_extrinsic(wish.extrinsic, wish.direction)
@@ -127,7 +125,7 @@ class Workflow:
             self._jobs.submit(record.id, "surface", StoredRequest(surface_of=solved.job_id))
 
     def retry(self, job: JobRecord) -> Job:
-        """The same again."""
+        """A new job with what the ended one was asked for; Conflict while that is under way."""
         if job.state not in FINAL:
             raise Conflict("job.under_way", f"The job is still {job.state}; cancel it first, or wait.")
         request = readable_request(job)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 import tempfile
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from calib_core.errors import InputError
@@ -72,8 +73,19 @@ def _umask() -> int:
     return mask
 
 
-def put_in_place(fresh: Path, path: Path) -> None:
-    """Give a file that is written its name, once its bytes are on the disk: after a power cut it is whole or absent."""
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Where to write what becomes `path` at the end, once its bytes are on the disk: after a power cut it is whole or absent.
+
+    The folder is made where it is not there.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f"{path.stem}.part{path.suffix}")  # NumPy adds its suffix to a name that has another
+    try:
+        yield fresh
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise
     with fresh.open("rb") as file:
         os.fsync(file.fileno())
     fresh.replace(path)

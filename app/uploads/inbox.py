@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import errno
 import hashlib
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from anyio import to_thread
 from starlette.types import Receive
 
 from app.errors import ApiError, BadRequest, Conflict, DiskFull, NotFound, TooLarge, Unavailable
+from app.limits import NO_ROOM
 from app.storage.files import DataFolder
 from app.storage.partial import Appender
 from app.uploads.protocol import Checksum, TusError
@@ -29,8 +29,6 @@ SILENCE_S = 30.0
 WRITERS = 8
 #: How long somebody who wants to delete an upload waits for its writer, who is told to stop.
 STOP_WAIT_S = 10.0
-
-_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 T = TypeVar("T")
 Arguments = TypeVarTuple("Arguments")
@@ -210,7 +208,7 @@ def _gone(part: Part) -> ApiError:
 
 
 def _refusal(error: OSError, appender: Appender, part: Part) -> ApiError:
-    if error.errno in _FULL:
+    if error.errno in NO_ROOM:
         return DiskFull(
             "upload.disk_full",
             f"The data directory's disk is full after {appender.durable_bytes / 1e9:.2f} GB of {part.name}: "

@@ -19,7 +19,6 @@ ALGORITHMS = ("sha256", "sha1")
 BODY_TYPE = "application/offset+octet-stream"
 #: 10^18 bytes: no disk holds more, and every number below fits the store's 64 bits.
 LENGTH = re.compile(r"[0-9]{1,18}", re.ASCII)
-UPLOAD_ID = re.compile(r"[0-9a-f]{32}", re.ASCII)
 
 
 class TusError(ApiError):

@@ -28,11 +28,11 @@ from app.jobs.naming import document_by_name, events_by_name
 from app.jobs.orders import SAMPLE_SEED, Order, OrderedPlane
 from app.results.companions import measure_beside
 from app.results.evidence import StepListener
-from app.results.thickness import spread
+from app.results.thinning import spread
 from app.results.verdict import solve_outcome
 from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome, SurfaceOutcome
 from app.schemas.jobs import InitialGuess as WireGuess
-from app.storage.atomic import put_in_place
+from app.storage.atomic import whole_file
 from app.storage.sizes import tree_size
 from app.work.head import propose_from_head
 from calib_core import api
@@ -116,12 +116,12 @@ def run_planes(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> 
                 LogEvent(level="info", code=PROPOSED, text=f"{counted(len(early.patches), 'plane')} can be looked at.")
             )
     recording = decoded(order, on_event, should_cancel)
-    if not kept_proposals(folder):
+    proposals = kept_proposals(folder)
+    if proposals is None:
         proposals = api.propose_planes(
             recording, order.request.settings, on_event=on_event, should_cancel=should_cancel
         )
         write_proposals(folder, proposals)
-    proposals = read_proposals(folder)
     return PlanesOutcome(patches=len(proposals.patches), points=len(proposals.cloud_m), static=proposals.static)
 
 
@@ -143,7 +143,6 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
     result, trajectory = calibration.result, calibration.trajectory
     if should_cancel():
         raise Cancelled("Stopped before anything was written.")
-    order.folder.mkdir(parents=True, exist_ok=True)
     if trajectory is not None:
         write_trajectory(order.folder / TRAJECTORY, trajectory)
     spans_s = wish.settings.excluded_spans_s
@@ -228,7 +227,5 @@ def _guess(wire: WireGuess | None) -> InitialGuess | None:
 
 
 def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(path.name + ".part")
-    fresh.write_text(text, encoding="utf-8")
-    put_in_place(fresh, path)
+    with whole_file(path) as fresh:
+        fresh.write_text(text, encoding="utf-8")

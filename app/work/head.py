@@ -14,7 +14,7 @@ from app.jobs.orders import Order
 from app.recordings.timeline import still_windows
 from calib_core import api
 from calib_core.errors import InputError
-from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent
+from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, StageEvent
 from calib_core.types import POINT_DTYPE, PlaneProposals, PointArray, Recording
 
 #: Two seconds of scans at 10 Hz are merged into the cloud; the rest is margin.
@@ -38,7 +38,7 @@ def propose_from_head(order: Order, on_event: OnEvent, should_cancel: ShouldCanc
     settings = order.read_settings.model_copy(update={"end_s": begin_s + HEAD_S})
     on_event(StageEvent(stage="read", fraction=0.0, text="reading the first seconds"))
 
-    def about_planes(event: StageEvent | IterationEvent | LogEvent) -> None:
+    def about_planes(event: Event) -> None:
         # The whole is still to be read and told of: until it is, reading is what is being done.
         if isinstance(event, StageEvent) and event.stage == "planes":
             on_event(event.model_copy(update={"stage": "read", "fraction": 0.0}))

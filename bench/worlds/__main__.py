@@ -69,10 +69,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         world = draw(seed, chosen.faults or kind_of(seed))
         if chosen.bag is not None:
             record(world, chosen.bag)
-            _say(
-                f"{world.place}, {world.motion}, {world.lidar}, {world.kind}: T_imu_lidar {world.T_imu_lidar.tolist()},"
+            print(
+                f"{world.place}, {world.motion}, {world.lidar}, {world.kind}: T_imu_lidar {world.T_imu_lidar.tolist()},",
+                flush=True,
             )
-            _say(f"time_offset_s {world.time_offset_s:.9f}")
+            print(f"time_offset_s {world.time_offset_s:.9f}", flush=True)
             continue
         if (seed, world.kind) in done and not chosen.again:
             continue
@@ -81,15 +82,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             record(world, path)
             row = solve(world, path)
         append_row(chosen.folder / ROWS, row, PARAMETERS)
-        _say(row.line())
+        print(row.line(), flush=True)
     if chosen.report:
         (chosen.folder / TABLE).write_text(report(read(chosen.folder)), encoding="utf-8")
     return 0
-
-
-def _say(line: str) -> None:
-    sys.stdout.write(line + "\n")
-    sys.stdout.flush()
 
 
 if __name__ == "__main__":

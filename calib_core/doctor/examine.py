@@ -27,7 +27,14 @@ from calib_core.doctor.topics import counted_rates, topic_report
 from calib_core.doctor.verdict import judge
 from calib_core.doctor.whole_scans import WholeScans
 from calib_core.errors import InputError
-from calib_core.events import IterationEvent, LogEvent, OnEvent, ShouldCancel, StageEvent, ignore_event, never_cancel
+from calib_core.events import (
+    Event,
+    OnEvent,
+    ShouldCancel,
+    StageEvent,
+    ignore_event,
+    never_cancel,
+)
 from calib_core.readers.clouds.deskewed import deskew_suspicion
 from calib_core.readers.container.opening import OpenRecording, open_recording
 from calib_core.readers.reading import damage_findings, span_ns
@@ -205,7 +212,7 @@ def _look_ahead(
         return NOTHING_AHEAD
     imu = state.cleaned.imu if state.cleaned is not None else None
 
-    def later(event: StageEvent | IterationEvent | LogEvent) -> None:
+    def later(event: Event) -> None:
         if isinstance(event, StageEvent):
             event = event.model_copy(update={"fraction": READING + (1.0 - READING) * event.fraction})
         on_event(event)

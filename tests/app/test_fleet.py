@@ -114,7 +114,7 @@ def test_loops_are_compiled_before_the_first_recording_with_a_word(hall, monkeyp
     monkeypatch.setattr(cluster, "compile_once", lambda: done.append("compiled there"))
     monkeypatch.setattr(cluster, "counted", lambda *_: done.append("run") or "{}")
     order = orders(hall, "room")[0].model_dump_json()
-    cluster.run_on_worker(order, cluster.CALIBRATE, version=cluster.__version__, counter="")
+    cluster.calibrate_on_worker(order, cluster.CALIBRATE, version=cluster.__version__, counter="")
     assert done == ["compiled", "compiled there", "run"]
 
 

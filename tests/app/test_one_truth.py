@@ -14,6 +14,7 @@ import pytest
 from pydantic import ValidationError
 from rich.console import Console
 
+from app.axes import AXIS_NAMES
 from app.cli.options import parse_field_of_view, parse_gravity, parse_points
 from app.cli.summary import result_summary
 from app.cli.terminal import iteration_table
@@ -31,8 +32,7 @@ from app.results.verdict import CONTRADICTED, DISAGREEMENT, disagreeing, solve_o
 from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.schemas.view import ChangeView
-from app.server.usual import usual_numbers
-from app.weak_limits import AXIS_NAMES
+from app.server.facts import usual_numbers
 from app.work.functions import _guess as start_of
 from calib_core import api
 from calib_core.audit.limits import Limits
@@ -77,7 +77,7 @@ def test_the_limits_shown_are_those_that_the_estimator_judges_by():
 
 
 def test_numbers_that_pages_need_are_those_of_whoever_uses_them():
-    """Oracle: the settings' own, and what a view refuses. Mutations: 90 points written in usual.py; a span of half a second,
+    """Oracle: the settings' own, and what a view refuses. Mutations: 90 points written in facts.py; a span of half a second,
     of which a solve says that it has too few scans; sizes of points that a view does not take.
     """
     usual = usual_numbers()

@@ -11,14 +11,15 @@ from app.arrays.recording import read_recording, write_recording
 from app.planes import palette
 from app.planes.state import suggested
 from app.results.thickness import measure_thickness
+from app.results.thinning import spread
 from app.scene.aim import whole_view
 from app.scene.apply import BACKGROUNDS
-from app.scene.build import Solved, build_first, build_planes, thinned
-from app.scene.camera import quat_wxyz, rotation_matrix
+from app.scene.build import Solved, build_first, build_planes
 from app.scene.items import Axes, Cloud, Sheet, fingerprint
 from app.scene.nudge import nudged, wall_blur
 from app.scene.picking import pick
 from app.scene.straighten import fastest_scan, straighten
+from app.scene.viser_poses import quat_wxyz, rotation_matrix
 from app.schemas.view import Nudge
 from calib_core import api
 from tests.app.support import world
@@ -49,10 +50,10 @@ def test_planes_scene_has_a_clickable_sheet_per_patch_and_colours_by_patch():
 
 def test_thinning_is_spread_evenly_and_repeatable():
     """Mutation: taking the first ones shows the start of the sweep only."""
-    kept = thinned(1000, 10)
+    kept = spread(1000, 10)
     assert (kept[0], kept[-1], len(kept)) == (0, 999, 10)
     assert np.diff(kept).min() >= 110
-    np.testing.assert_array_equal(thinned(5, 10), np.arange(5))
+    np.testing.assert_array_equal(spread(5, 10), np.arange(5))
 
 
 def test_thickness_is_the_motion_before_and_nothing_after():

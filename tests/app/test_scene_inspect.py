@@ -13,12 +13,13 @@ from app.planes import palette
 from app.results.thickness import measure_thickness
 from app.scene.aim import stand
 from app.scene.build import Solved, build_unsolved
+from app.scene.camera import Camera
 from app.scene.compose import _motions
 from app.scene.converge import build_converging, steady_up
 from app.scene.inspect import Look, Motions, build_inspection
 from app.scene.items import Axes, Cloud, Label, Line
 from app.scene.nudge import nudged, with_old
-from app.scene.wipe import Camera, left_of
+from app.scene.wipe import left_of
 from app.schemas.view import Nudge, OldExtrinsic, ViewState
 from calib_core.events import IterationEvent, PlaneResidual, SweepMotion
 from tests.app.support import world

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from app.planes.geometry import within_region
+from app.scene.camera import Camera
 from app.scene.region import frustum_sides
-from app.scene.wipe import Camera
 
 
 @pytest.mark.parametrize("seed", range(5))

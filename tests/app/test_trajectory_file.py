@@ -1,4 +1,4 @@
-"""A result's motion on the disk: what is written is what is read, older files too."""
+"""Files that are whole or absent; of them a result's motion: what is written is what is read, older files too."""
 
 from __future__ import annotations
 
@@ -6,8 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from app.arrays.trajectory import read_trajectory, write_trajectory
+from app.storage.atomic import whole_file
 from tests.app.support import world
 
 
@@ -28,3 +30,20 @@ def test_a_file_that_was_written_before_there_were_such_scans_has_none(tmp_path:
         older = {name: arrays[name] for name in arrays.files if name != "late_ns"}
     np.savez(path, **older)
     assert read_trajectory(path).late_ns == {}
+
+
+def test_a_file_whose_writing_fails_leaves_the_one_before_and_nothing_beside_it(tmp_path: Path) -> None:
+    """Mutations: written under its own name; what was begun is left behind; the folder not made."""
+    path = tmp_path / "job" / "report.json"
+    with whole_file(path) as fresh:
+        fresh.write_text("whole", encoding="utf-8")
+
+    def write_half() -> None:
+        with whole_file(path) as fresh:
+            fresh.write_text("half", encoding="utf-8")
+            raise OSError("no room")
+
+    with pytest.raises(OSError, match="no room"):
+        write_half()
+    assert [file.name for file in path.parent.iterdir()] == ["report.json"]
+    assert path.read_text(encoding="utf-8") == "whole"

@@ -28,6 +28,8 @@ PAGES = (
     "tests/README.md",
     "calib_core/CONVENTIONS.md",
 )
+#: Fewer words than these say of no file what it is for.
+FEWEST_WORDS = 3
 #: Files of other programs that are spoken of.
 ELSEWHERE = {"IccSensors.py"}
 #: Files that the program writes, or has at its address.
@@ -123,14 +125,14 @@ def test_every_room_has_its_place_in_the_architecture() -> None:
         assert sorted(named) == sorted(rooms | files)
 
 
-def test_every_room_says_what_it_is_for() -> None:
-    """Mutation: a folder whose `__init__` is empty."""
-    silent = [
-        path.relative_to(ROOT).as_posix()
-        for package in ("calib_core", "app", "bench")
-        for path in (ROOT / package).rglob("__init__.py")
-        if ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) is None
-    ]
+def test_every_room_and_every_file_says_what_it_is_for() -> None:
+    """Mutations: a folder whose `__init__` is empty; a file's docstring of which a rename left the full stop."""
+    silent = []
+    for package in ("calib_core", "app", "bench"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            told = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
+            if len(re.findall(r"\w+", told.partition("\n")[0])) < FEWEST_WORDS:
+                silent.append(path.relative_to(ROOT).as_posix())
     assert silent == []
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from calib_core.events import PLANNED, ForwardOnly, IterationEvent, LogEvent, Stage, StageEvent
+from calib_core.events import PLANNED, Event, ForwardOnly, LogEvent, Stage, StageEvent
 
 STAGES = PLANNED["full"]
 
 
-def passed_on(events: list[StageEvent | LogEvent]) -> list[StageEvent | IterationEvent | LogEvent]:
-    heard: list[StageEvent | IterationEvent | LogEvent] = []
+def passed_on(events: list[StageEvent | LogEvent]) -> list[Event]:
+    heard: list[Event] = []
     listener = ForwardOnly(heard.append, STAGES)
     for event in events:
         listener(event)

@@ -26,6 +26,7 @@ from calib_core.readers.container.one_recording import (
     STORAGE_SUFFIXES,
     is_hidden,
     is_same_recording,
+    plain_name,
     require_one_recording,
     storage_suffix,
 )
@@ -59,7 +60,7 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
     try:
         for member, stream in _members(path, room):
             inside = PurePosixPath(member.replace("\\", "/"))
-            name = _plain(inside.name)
+            name = plain_name(inside.name)
             if is_hidden(inside) or not name.endswith(_KEPT) or storage_suffix(inside) not in STORAGE_SUFFIXES:
                 continue
             found.append(inside)
@@ -92,11 +93,6 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
         raise UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
     require_one_recording(found, f"The archive {path.name}", "pack one recording per archive")
     return folder
-
-
-def _plain(name: str) -> str:
-    """The name without what breaks a line of a sentence or of a log, or turns its order around."""
-    return "".join(character if character.isprintable() else "_" for character in name)
 
 
 def _damaged(path: Path, error: Exception) -> UnreadableRecording:

@@ -58,7 +58,7 @@ def require_one_recording(files: Iterable[PurePath], what: str, cure: str) -> No
             groups.setdefault(_split(file)[:2], []).append(file)
     recordings = [recording for group in groups.values() for recording in _begun(group)]
     if len(recordings) > 1:
-        names = [_plain(recording[0].as_posix())[-_LONGEST_NAME:] for recording in recordings[:_LISTED]]
+        names = [plain_name(recording[0].as_posix())[-_LONGEST_NAME:] for recording in recordings[:_LISTED]]
         if len(recordings) > _LISTED:
             names.append(f"{len(recordings) - _LISTED} more")
         raise UnreadableRecording(
@@ -92,5 +92,6 @@ def _begun(group: list[PurePath]) -> list[list[PurePath]]:
     return begun
 
 
-def _plain(name: str) -> str:
+def plain_name(name: str) -> str:
+    """The name without what breaks a line of a sentence or of a log, or turns its order around."""
     return "".join(character if character.isprintable() else "_" for character in name)

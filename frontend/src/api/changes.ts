@@ -7,13 +7,13 @@ import {
   type ChangeRecording,
   type ChangeView,
   type ExtrinsicText,
-  type Job,
   type NewAudit,
   type NewJob,
   type OpenRecording,
   type Recording,
   type View,
 } from "./client";
+import { noteJob } from "./jobnews";
 import { keys, of, ofJob } from "./queries";
 import { tab } from "./tab";
 
@@ -50,22 +50,12 @@ export function useDeleteRecording() {
   });
 }
 
-function rememberJob(client: QueryClient, job: Job) {
-  // Which of its jobs tells where a recording stands after an audit, the server says.
-  if (job.kind !== "audit" && job.kind !== "surface")
-    client.setQueryData<Recording>(keys.recording(job.recording_id), (old) =>
-      old === undefined ? old : { ...old, latest_job: job },
-    );
-  void client.invalidateQueries({ queryKey: keys.jobs(job.recording_id) });
-  void client.invalidateQueries({ queryKey: keys.runs(job.recording_id) });
-}
-
 export function useStartJob(id: string) {
   const client = useQueryClient();
   return useMutation({
     mutationFn: (wish: Partial<NewJob>) =>
       told(api.POST("/api/recordings/{recording_id}/jobs", { ...of(id), body: sparse(wish) })),
-    onSuccess: (job) => rememberJob(client, job),
+    onSuccess: (job) => noteJob(client, job.recording_id, job),
   });
 }
 
@@ -73,7 +63,7 @@ export function useStartAudit(id: string) {
   const client = useQueryClient();
   return useMutation({
     mutationFn: (wish: NewAudit) => told(api.POST("/api/recordings/{recording_id}/audits", { ...of(id), body: wish })),
-    onSuccess: (job) => rememberJob(client, job),
+    onSuccess: (job) => noteJob(client, job.recording_id, job),
   });
 }
 
@@ -81,7 +71,7 @@ export function useCancelJob() {
   const client = useQueryClient();
   return useMutation({
     mutationFn: (jobId: string) => told(api.POST("/api/jobs/{job_id}/cancel", ofJob(jobId))),
-    onSuccess: (job) => rememberJob(client, job),
+    onSuccess: (job) => noteJob(client, job.recording_id, job),
   });
 }
 
@@ -89,7 +79,7 @@ export function useRetryJob() {
   const client = useQueryClient();
   return useMutation({
     mutationFn: (jobId: string) => told(api.POST("/api/jobs/{job_id}/retry", ofJob(jobId))),
-    onSuccess: (job) => rememberJob(client, job),
+    onSuccess: (job) => noteJob(client, job.recording_id, job),
   });
 }
 

@@ -3,6 +3,7 @@ import { useCallback, useEffect, useState } from "react";
 import { readAnew } from "./anew";
 import type { Planes, Recording, RecordingMessage } from "./client";
 import { spoken } from "../ui/words";
+import { noteJob } from "./jobnews";
 import { keys } from "./queries";
 
 /** Reads a recording anew, one reading at a time: who asks while one is on its way is served by one more after it.
@@ -71,14 +72,9 @@ function applyMessage(client: QueryClient, id: string, message: RecordingMessage
       client.setQueryData(keys.view(id), message.view);
       return;
     case "job-changed":
-      if (message.job.kind !== "audit" && message.job.kind !== "surface")
-        client.setQueryData<Recording>(keys.recording(id), (old) =>
-          old === undefined ? old : { ...old, latest_job: message.job },
-        );
+      noteJob(client, id, message.job);
       // A report names the planes and says which way is up.
       refresher.ask(message.job.kind === "planes" || message.job.kind === "inspect");
-      void client.invalidateQueries({ queryKey: keys.jobs(id) });
-      void client.invalidateQueries({ queryKey: keys.runs(id) });
       return;
     case "recording-changed":
       if (message.deleted) client.removeQueries({ queryKey: keys.recording(id) });

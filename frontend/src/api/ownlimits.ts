@@ -1,5 +1,6 @@
 import { useLocalStorage } from "@mantine/hooks";
 import type { CalibrationResult, Limits } from "./client";
+import { xyz } from "../ui/axes";
 import { plusMinusStd } from "../ui/format";
 
 /** How well a rig has to be known for its use: one standard deviation, in the units that people read. */
@@ -30,8 +31,6 @@ export function asLimits({ deg, mm, ms }: OwnLimits): Limits {
   return { rotation_deg: deg, translation_m: mm / 1000, time_offset_s: ms / 1000 };
 }
 
-const axes = ["x", "y", "z"] as const;
-
 /** The axes that are known less well than one's own limits ask, each with its sigma; null for a result without any. */
 export function beyond(result: Pick<CalibrationResult, "uncertainty">, own: OwnLimits): string[] | null {
   const known = result.uncertainty;
@@ -39,8 +38,8 @@ export function beyond(result: Pick<CalibrationResult, "uncertainty">, own: OwnL
   const said = (name: string, std: number, limit: number, unit: "deg" | "m" | "s") =>
     std > limit ? [`${name} ${plusMinusStd(std, unit)}`] : [];
   return [
-    ...axes.flatMap((axis, i) => said(`position ${axis}`, known.translation_std_m[i] ?? 0, own.mm / 1000, "m")),
-    ...axes.flatMap((axis, i) => said(`turn ${axis}`, known.rotation_std_deg[i] ?? 0, own.deg, "deg")),
+    ...xyz.flatMap((axis, i) => said(`position ${axis}`, known.translation_std_m[i] ?? 0, own.mm / 1000, "m")),
+    ...xyz.flatMap((axis, i) => said(`turn ${axis}`, known.rotation_std_deg[i] ?? 0, own.deg, "deg")),
     ...said("time offset", known.time_offset_std_s, own.ms / 1000, "s"),
   ];
 }

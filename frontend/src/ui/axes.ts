@@ -26,3 +26,12 @@ export function unitOf(axis: Axis): "°" | "mm" | "ms" {
 export function perUnit(axis: Axis): number {
   return axis.startsWith("r") ? 180 / Math.PI : 1000;
 }
+
+/** The three of space. */
+export const xyz = ["x", "y", "z"] as const;
+export type SpaceAxis = (typeof xyz)[number];
+
+/** What plots draw each of them in. */
+export function colorOf(axis: SpaceAxis): string {
+  return `var(--axis-${axis})`;
+}

@@ -16,7 +16,7 @@ from calib_core.imu.clipping import clipped_share
 from calib_core.settings import ReadSettings
 from calib_core.types import FloatArray, ImuData
 from tests.core.readers import build
-from tests.core.readers.test_imu import tilting
+from tests.core.readers.tilting import tilting
 
 RATE = 100.0
 

@@ -12,7 +12,7 @@ from calib_core.readers.imu.readings import CleanedImu
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.types import Finding, FloatArray
 from tests.core.doctor.test_doctor import data
-from tests.core.readers.test_imu import tilting
+from tests.core.readers.tilting import tilting
 
 NAMES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
 WALL = PlaneReport(name="wall", kind="wall", tilt_deg=90.0, area_m2=9.0, distance_m=2.0, points=900, rms_m=0.02)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,38 +23,11 @@ from calib_core.factors.lidar_plane import (
 )
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
-from calib_core.types import Float32Array, FloatArray
+from calib_core.types import FloatArray
+from tests.core.factors.three_planes import NORMALS, OFFSETS_M, Scene, scanned
 
-NORMALS = np.array([[0.02, 0.01, 1.0], [1.0, 0.05, -0.03], [0.0, -1.0, 0.1]])
-NORMALS /= np.linalg.norm(NORMALS, axis=1, keepdims=True)
-OFFSETS_M = np.array([1.2, 2.5, 3.0])
 #: Range noise alone: a distance's standard deviation is then that of the range times the cosine.
 NOISE = LidarNoise(0.02, 0.0)
-
-
-@dataclass
-class Scene:
-    """One scan of three planes from a lidar that does not move within it, with range noise."""
-
-    xyz: Float32Array
-    offset_s: FloatArray
-    poses: SlicePoses
-
-
-def _scene(seed: int, *, noise_m: float = 0.02, slices: int = 3, n: int = 600) -> Scene:
-    rng = np.random.default_rng(seed)
-    R, p = Rotation.from_rotvec(0.3 * rng.normal(size=3)).as_matrix(), 0.2 * rng.normal(size=3)
-    ray = rng.normal(size=(n, 3))
-    ray /= np.linalg.norm(ray, axis=1, keepdims=True)
-    cosine = ray @ (NORMALS @ R).T
-    reach = np.where(cosine < -0.15, -(NORMALS @ p + OFFSETS_M) / np.minimum(cosine, -0.15), np.inf).min(axis=1)
-    hit = np.isfinite(reach)
-    xyz = (ray * (reach + noise_m * rng.normal(size=n))[:, None])[hit]
-    still = np.zeros((slices, 3))
-    poses = SlicePoses(
-        np.repeat(R[None], slices, 0), np.repeat(p[None], slices, 0), still, still, np.ones(slices, bool)
-    )
-    return Scene(xyz.astype(np.float32), rng.uniform(0, slices * SLICE_S, hit.sum()), poses)
 
 
 def _seen(R: FloatArray, p: FloatArray, normals: FloatArray, offsets_m: FloatArray) -> FloatArray:
@@ -86,7 +59,7 @@ def test_collapsed_cost_is_the_range_residuals_cost_and_so_is_its_gradient() -> 
     At the pose of association both costs are one; away from it they part with the square of the step, the pose, the
     planes' normals and their offsets moving together.
     """
-    scene = _scene(1)
+    scene = scanned(1)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, NORMALS, OFFSETS_M, Gate())
     assert (hits.plane >= 0).all()
     R, p = scene.poses.R[0], scene.poses.p[0]
@@ -150,7 +123,7 @@ def test_points_are_carried_to_their_slices_centre() -> None:
     Exact twist: 3 rad/s and 2 m/s for a millisecond. What is left is of second order: 6 m (3e-3)^2 / 2 = 0.03 mm.
     """
     rng = np.random.default_rng(4)
-    still = _scene(5, noise_m=0.0, slices=1, n=300)
+    still = scanned(5, noise_m=0.0, slices=1, n=300)
     omega, v = np.array([1.5, -2.0, 1.6]), np.array([1.2, 0.9, -1.3])
     t = rng.uniform(0.0, SLICE_S, len(still.xyz)) - 0.5 * SLICE_S
     turn = Rotation.from_rotvec(t[:, None] * omega)
@@ -163,7 +136,7 @@ def test_points_are_carried_to_their_slices_centre() -> None:
 
 def test_every_hit_lies_on_its_plane() -> None:
     """Fails when the range error is added instead of taken away: the hit lands twice as far off."""
-    scene = _scene(6, noise_m=0.1)
+    scene = scanned(6, noise_m=0.1)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, NORMALS, OFFSETS_M, Gate())
     at = hits.x_hit @ scene.poses.R[0].T + scene.poses.p[0]
     distance = np.einsum("ni,ni->n", at, NORMALS[hits.plane]) + OFFSETS_M[hits.plane]
@@ -174,7 +147,7 @@ def test_every_hit_lies_on_its_plane() -> None:
 
 def test_field_of_view_keeps_azimuths() -> None:
     """Fails when degrees are taken for radians."""
-    scene = _scene(7)
+    scene = scanned(7)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, NORMALS, OFFSETS_M, Gate(), field_of_view_deg=45.0)
     azimuth = np.degrees(np.arctan2(scene.xyz[:, 1], scene.xyz[:, 0]))
     np.testing.assert_array_equal(hits.plane >= 0, np.abs(azimuth) <= 45.0)
@@ -187,7 +160,7 @@ def test_selection_and_weights_point_by_point() -> None:
 
     Twin: the rules of `Gate` and of `LidarNoise`, said once more in a loop.
     """
-    scene = _scene(8, noise_m=0.06, n=4000)
+    scene = scanned(8, noise_m=0.06, n=4000)
     farthest_m = float(np.quantile(np.linalg.norm(scene.xyz, axis=1), 0.8))
     nearest_m = float(np.quantile(np.linalg.norm(scene.xyz, axis=1), 0.2))
     noise = LidarNoise(0.02, 0.005, farthest_m, nearest_m=nearest_m)
@@ -251,7 +224,7 @@ def test_where_ranges_end_what_is_left_of_the_noise_does_not_count(end: str) -> 
 
 def test_cells_are_places_on_the_plane_whatever_the_lidars_pose() -> None:
     """Fails when the lidar's own place is left out of the cells' coordinates."""
-    scene = _scene(9)
+    scene = scanned(9)
     hits = find_hits(scene.xyz, scene.offset_s, scene.poses, NORMALS, OFFSETS_M, Gate())
     at = hits.x_hit @ scene.poses.R[0].T + scene.poses.p[0]
     uv = np.einsum("nai,ni->na", plane_axes(NORMALS)[hits.plane], at)

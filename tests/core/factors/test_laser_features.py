@@ -26,15 +26,10 @@ from calib_core.factors.laser_kernels import COLUMNS, Clusters, add_ones_kernel
 from calib_core.factors.lidar_plane import Gate, find_hits
 from calib_core.factors.patches import Between
 from calib_core.types import FloatArray
-from tests.core.factors import test_bins as bins
+from tests.core.factors import three_planes
+from tests.core.factors.triangles import triangle
 
 LASERS = 4
-
-
-def triangle(products: FloatArray) -> FloatArray:
-    """(.., F (F + 1) / 2) the upper triangle of symmetric products (.., F, F), row by row."""
-    rows, columns = np.triu_indices(products.shape[-1])
-    return np.asarray(products[..., rows, columns])
 
 
 def _published(xyz: FloatArray, laser: np.ndarray, errors: LaserErrors) -> FloatArray:
@@ -95,7 +90,7 @@ def test_points_of_no_known_laser_stay_as_they_are() -> None:
 def test_features_are_the_derivatives_of_distances(column: int) -> None:
     """Finite differences through the correction and the plane. Mutations: two features exchanged, a sign, cosine for its
     negative."""
-    scene = bins._scene(2, noise_m=0.0, slices=1)
+    scene = three_planes.scanned(2, noise_m=0.0, slices=1)
     laser = np.random.default_rng(2).integers(0, LASERS, len(scene.xyz)).astype(np.uint16)
     gate = Gate()
 
@@ -106,7 +101,7 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
         elif column in (5, 6):
             off_axis[column - 5] = parameter
         moved = LaserErrors(*parts, np.zeros(1), off_axis).corrected(scene.xyz, laser)
-        return find_hits(moved, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, gate)
+        return find_hits(moved, scene.offset_s, scene.poses, three_planes.NORMALS, three_planes.OFFSETS_M, gate)
 
     size = 1e-3
     forth, back, here = hits(size), hits(-size), hits(0.0)
@@ -122,7 +117,7 @@ def test_features_are_the_derivatives_of_distances(column: int) -> None:
         index = np.flatnonzero(some)[:1]
         keep[index] = True
         sums = collapse_features(
-            here, keep, np.ones(len(same)), bins.NORMALS, laser=laser, lasers=LASERS,
+            here, keep, np.ones(len(same)), three_planes.NORMALS, laser=laser, lasers=LASERS,
             group=np.zeros(1, np.int64), middle=np.zeros(1, np.int64),
         )  # fmt: skip
         assert sums.laser.tolist() == [laser_of]
@@ -166,20 +161,20 @@ def test_moments_are_those_of_the_points_and_move_with_them() -> None:
     """Mutations: hits left at their slice, gram by the wrong laser, weight squared; of the incidence's products what belongs to
     the one's; a product of the triangle twice; points of a laser beyond the last to the next plane's first.
     """
-    scene = bins._scene(4, slices=3)
+    scene = three_planes.scanned(4, slices=3)
     rng = np.random.default_rng(4)
-    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
+    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, three_planes.NORMALS, three_planes.OFFSETS_M, Gate())
     keep, weight = hits.plane >= 0, rng.uniform(1.0, 2.0, len(hits.plane))
     laser = rng.integers(0, LASERS + 1, len(hits.plane)).astype(np.uint16)  # of one that nobody knows, too
     sums = collapse_features(
-        hits, keep, weight, bins.NORMALS, laser=laser, lasers=LASERS,
+        hits, keep, weight, three_planes.NORMALS, laser=laser, lasers=LASERS,
         group=np.zeros(3, np.int64), middle=np.array([1]),
     )  # fmt: skip
     whole = np.zeros(5)
     for plane, own, cross, gram in zip(sums.plane, sums.laser, sums.cross, sums.gram, strict=True):
         mine = keep & (hits.plane == plane) & (laser == own)
         seen = -hits.cosine[mine]
-        f = _features(hits.x_hit[mine], seen, (bins.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]])
+        f = _features(hits.x_hit[mine], seen, (three_planes.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]])
         np.testing.assert_allclose(gram, triangle((weight[mine, None] * f).T @ f), rtol=2e-6, atol=1e-3)
         y = np.column_stack([hits.x_hit[mine], np.ones(mine.sum()), hits.d[mine]])
         np.testing.assert_allclose(cross[0], (weight[mine] * seen) @ y, rtol=2e-6, atol=1e-4)
@@ -260,20 +255,20 @@ def test_heights_are_felt_by_the_shares_that_points_have_of_them() -> None:
     Mutations: square and laser exchanged in the cluster's number; of a share's products with the incidence the one's; two shares'
     product taken twice; a share's moments without the weight.
     """
-    scene = bins._scene(6, slices=3)
+    scene = three_planes.scanned(6, slices=3)
     rng = np.random.default_rng(6)
-    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
+    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, three_planes.NORMALS, three_planes.OFFSETS_M, Gate())
     keep, weight = hits.plane >= 0, rng.uniform(1.0, 2.0, len(hits.plane))
     laser = rng.integers(0, LASERS, len(hits.plane)).astype(np.uint16)
     between = Between(rng.integers(0, 4, len(hits.plane)), rng.dirichlet(np.ones(4), len(hits.plane)), 4)
     sums = collapse_features(
-        hits, keep, weight, bins.NORMALS, laser=laser, lasers=LASERS,
+        hits, keep, weight, three_planes.NORMALS, laser=laser, lasers=LASERS,
         group=np.zeros(3, np.int64), middle=np.array([1]), between=between,
     )  # fmt: skip
     seen = 0
     for plane, unit, cross, gram in zip(sums.plane, sums.laser, sums.cross, sums.gram, strict=True):
         mine = keep & (hits.plane == plane) & (between.square == unit // LASERS) & (laser == unit % LASERS)
-        n_lidar = (bins.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]]
+        n_lidar = (three_planes.NORMALS[plane] @ hits.poses.R)[hits.slice_index[mine]]
         f = np.hstack([_features(hits.x_hit[mine], -hits.cosine[mine], n_lidar), between.share[mine]])
         np.testing.assert_allclose(gram, triangle((weight[mine, None] * f).T @ f), rtol=2e-6, atol=1e-3)
         np.testing.assert_allclose(cross[:, 3], weight[mine] @ f, rtol=1e-5, atol=1e-4)

@@ -9,16 +9,14 @@ from calib_core.factors.lidar_plane import Gate, find_hits
 from calib_core.factors.patches import SurfacePatches, patches_of
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
-from tests.core.factors import test_bins as bins
-
-WIDTH = 4
+from tests.core.factors import three_planes
 
 
 def _patches() -> SurfacePatches:
     """A square of patches about the origin of each plane's grid."""
     inside = np.zeros((3, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
     inside[:, HALF_CELLS - 40 : HALF_CELLS + 40, HALF_CELLS - 40 : HALF_CELLS + 40] = True
-    return patches_of(PlaneExtents(bins.NORMALS, inside))
+    return patches_of(PlaneExtents(three_planes.NORMALS, inside))
 
 
 def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
@@ -30,7 +28,7 @@ def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
     few = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
     edge = 3 * (HALF_CELLS // 3)
     few[0, edge : edge + 6, edge : edge + 6] = True
-    small = patches_of(PlaneExtents(bins.NORMALS[:1], few))
+    small = patches_of(PlaneExtents(three_planes.NORMALS[:1], few))
     assert (small.width, small.count) == (3, 4)
 
 
@@ -39,8 +37,8 @@ def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> Non
 
     Mutations: middles half a patch aside; rows for columns; two corners exchanged; a hit's own patch instead of what is between.
     """
-    scene = bins._scene(3)
-    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
+    scene = three_planes.scanned(3)
+    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, three_planes.NORMALS, three_planes.OFFSETS_M, Gate())
     patches = _patches()
     plane, row, column = np.nonzero(patches.number >= 0)
     slope = np.array([[0.001, -0.002], [0.003, 0.001], [-0.002, 0.004]])
@@ -52,7 +50,7 @@ def test_heights_between_patches_lie_on_the_plane_through_their_middles() -> Non
     seen = hits.plane >= 0
     R, p = scene.poses.R[hits.slice_index], scene.poses.p[hits.slice_index]
     there = (R @ hits.x_hit[..., None])[..., 0] + p
-    place = np.einsum("nij,nj->ni", plane_axes(bins.NORMALS)[np.maximum(hits.plane, 0)], there)
+    place = np.einsum("nij,nj->ni", plane_axes(three_planes.NORMALS)[np.maximum(hits.plane, 0)], there)
     expected = np.einsum("ni,ni->n", slope[np.maximum(hits.plane, 0)], place)
     well_within = seen & (np.abs(place).max(axis=1) < 40 * CELL_M - 1.5 * width_m)
     assert well_within.sum() > 100

@@ -12,7 +12,7 @@ from calib_core.factors.kernels import cut_off
 from calib_core.factors.lidar_plane import Gate, LidarNoise, SlicePoses, as_sieved, cells_across, find_hits, select
 from calib_core.full.joint.lidar_noise import tapered_variance
 from calib_core.types import Float32Array, FloatArray
-from tests.core.factors import test_bins as bins
+from tests.core.factors import three_planes
 
 CELL_M, STD_M = 0.1, 0.02
 
@@ -121,8 +121,8 @@ def test_what_a_cell_keeps_of_a_hits_error_across_its_plane() -> None:
     long are positive, seen from either side of a plane. Mutations: the sign of the cosine left out; faces not foreshortened; the
     error not added.
     """
-    scene = bins._scene(5, slices=3)
-    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, bins.NORMALS, bins.OFFSETS_M, Gate())
+    scene = three_planes.scanned(5, slices=3)
+    hits = find_hits(scene.xyz, scene.offset_s, scene.poses, three_planes.NORMALS, three_planes.OFFSETS_M, Gate())
     across = cells_across(hits, CELL_M)
     assert not np.isfinite(cells_across(hits, 0.0)).any()
     some = np.flatnonzero(hits.plane >= 0)[:60]

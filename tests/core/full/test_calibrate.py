@@ -16,7 +16,7 @@ from calib_core.api import propose_planes
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.doctor.outlook import planes_report
 from calib_core.errors import Cancelled, Refused, SettingsError
-from calib_core.events import PLANNED, IterationEvent, LogEvent, StageEvent
+from calib_core.events import PLANNED, Event, IterationEvent, LogEvent, StageEvent
 from calib_core.final_messages import with_doubts_settled
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT
 from calib_core.geometry import log
@@ -131,7 +131,7 @@ def test_any_number_of_threads_gives_the_same_answer_bit_for_bit(
     Mutations, in `joint/many_scans.py`: results in another order where more than two threads work; smaller batches for more.
     """
     assert usual_threads() == threads
-    events: list[StageEvent | IterationEvent | LogEvent] = []
+    events: list[Event] = []
     again = calibrate(noisy[0], CalibrateSettings(), on_event=events.append)
     first, second = (c.result.model_dump() for c in (calibrated, again))
     for document in (first, second):

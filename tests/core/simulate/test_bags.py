@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation
 
 from calib_core.errors import Cancelled, SettingsError
-from calib_core.events import IterationEvent, LogEvent, StageEvent
+from calib_core.events import Event, StageEvent
 from calib_core.simulate import SCENARIOS, TruthFile, generate, simulate, truth_path
 from calib_core.simulate.sensors import HeaderAt
 from calib_core.types import Float32Array, IntArray, Recording
@@ -277,7 +277,7 @@ def test_stopping_leaves_nothing_behind(tmp_path: Path) -> None:
     """Fails when a cancelled run leaves its draft, or progress does not end at 1."""
     told: list[float] = []
 
-    def hear(event: StageEvent | IterationEvent | LogEvent) -> None:
+    def hear(event: Event) -> None:
         if isinstance(event, StageEvent):
             told.append(event.fraction)
 

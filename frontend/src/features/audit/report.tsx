@@ -4,6 +4,7 @@ import type { AuditReport } from "../../api/client";
 import { auditDownloadUrl } from "../../api/queries";
 import { fixed } from "../../ui/format";
 import { Icon, LevelIcon, type Tone } from "../../ui/icons";
+import { sentenceCase } from "../../ui/words";
 import css from "./audit.module.css";
 import { AxisTable } from "./axes";
 import { verdictTones, verdictWords } from "./words";
@@ -19,7 +20,7 @@ export function AuditDocument({ report, jobId, recordingId }: DocumentProps) {
         <LevelIcon level={tone} size={30} />
         <div>
           <h1>{verdictWords[report.verdict]}</h1>
-          <p>{told.charAt(0).toUpperCase() + told.slice(1)}</p>
+          <p>{sentenceCase(told)}</p>
         </div>
       </header>
       {report.axes.length > 0 ? (

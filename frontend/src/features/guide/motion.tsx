@@ -1,3 +1,4 @@
+import { xyz, type SpaceAxis } from "../../ui/axes";
 import css from "./guide.module.css";
 import type { Platform } from "./texts";
 
@@ -111,19 +112,18 @@ const stillShare = 0.12;
 
 /** Rate of turn over time, three axes: what the Recording screen shows of such a motion. */
 function Rates({ good, platform }: { good: boolean; platform: Platform }) {
-  const axes = ["x", "y", "z"] as const;
   return (
     <g className={css.rates}>
       <rect x={left} y={middle - 26} width={width} height={52} rx={3} />
       <line x1={left} x2={left + width} y1={middle} y2={middle} />
-      {axes.map((axis, i) => (
+      {xyz.map((axis, i) => (
         <polyline key={axis} points={curve(i, sizeOf(axis, good, platform))} data-axis={axis} />
       ))}
     </g>
   );
 }
 
-function sizeOf(axis: "x" | "y" | "z", good: boolean, platform: Platform): number {
+function sizeOf(axis: SpaceAxis, good: boolean, platform: Platform): number {
   if (!good) return axis === "z" ? 3.5 : 0.8;
   return platform === "car" && axis !== "z" ? 9 : 20;
 }

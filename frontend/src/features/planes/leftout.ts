@@ -1,4 +1,5 @@
 import type { CalibrationResult, Patch, Run } from "../../api/client";
+import { blamed, doubted, leftOut } from "../../api/sentences";
 
 /** The newest run with a result that planes were given to, and its number as the list of runs counts. */
 export function lastSolve(runs: readonly Run[]): { run: Run; number: number } | null {
@@ -7,16 +8,11 @@ export function lastSolve(runs: readonly Run[]): { run: Run; number: number } | 
   return run === undefined ? null : { run, number: runs.length - at };
 }
 
-const leftOut = /^(?:is )?(.*): left out$/;
-const doubted = /^(?:is )?(.*?), and counts all the same/;
-/** The planes that a refusal names, each with what is wrong with it, between its first colon and what follows from them. */
-const named = /: (.*?)(?:, and the others do not face three ways)?(?:;|$)/;
-
 /** What a refusal says of one plane; undefined where it does not name it. */
-function blamed(name: string, messages: CalibrationResult["messages"]): string | undefined {
+function blameOn(name: string, messages: CalibrationResult["messages"]): string | undefined {
   return messages
     .filter(({ code, level }) => code.startsWith("planes.") && level === "error")
-    .flatMap(({ text }) => named.exec(text)?.[1]?.split(", ") ?? [])
+    .flatMap(({ text }) => blamed.exec(text)?.[1]?.split(", ") ?? [])
     .find((part) => part.startsWith(`${name} `))
     ?.slice(name.length + 1)
     .replace(/^is /, "");
@@ -67,7 +63,7 @@ export function remarksOf(
       continue;
     }
     const why = told(leftOut);
-    const blame = blamed(look.name, result.messages);
+    const blame = blameOn(look.name, result.messages);
     if (why !== undefined) remarks.set(patch.index, `left out by run ${number}: ${why}`);
     else if (blame !== undefined) remarks.set(patch.index, `run ${number} was refused for it: ${blame}`);
     // A run that was refused on the way may list no planes at all: that says nothing of any of them.

@@ -1,17 +1,12 @@
 import type { DoctorReport } from "../../api/client";
+import { colorOf, xyz } from "../../ui/axes";
 import { LinePlot } from "../../ui/lineplot";
 import css from "./recording.module.css";
-
-const axes = [
-  { label: "x", color: "var(--axis-x)" },
-  { label: "y", color: "var(--axis-y)" },
-  { label: "z", color: "var(--axis-z)" },
-] as const;
 
 /** The readings behind the report. */
 export function Evidence({ timeline }: { timeline: DoctorReport["timeline"] }) {
   const perAxis = (columns: readonly (readonly number[])[]) =>
-    axes.map((axis, i) => ({ ...axis, values: columns[i] ?? [] }));
+    xyz.map((axis, i) => ({ label: axis, color: colorOf(axis), values: columns[i] ?? [] }));
   const steps = timeline.scan_t_s.slice(1).map((t, i) => (t - (timeline.scan_t_s[i] ?? t)) * 1000);
   return (
     <section className={css.plots} aria-label="Readings">

@@ -1,5 +1,5 @@
 import type { ChangeRecording, FindingReport, ReadSettings } from "../../api/client";
-import { controlName, valueName } from "../../ui/words";
+import { controlName, sentenceCase, valueName } from "../../ui/words";
 
 type SettingKey = Exclude<keyof ReadSettings, "start_s" | "end_s">;
 type Kind = "text" | "number" | "flag";
@@ -76,5 +76,5 @@ export function fixText(override: string): string {
       return value.length === 0 ? `switch on ${control}` : `set ${control} to ${value.map(valueName).join(" ")}`;
     })
     .join(", ");
-  return text.charAt(0).toUpperCase() + text.slice(1);
+  return sentenceCase(text);
 }

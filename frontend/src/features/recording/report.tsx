@@ -5,6 +5,7 @@ import { useChangeRecording } from "../../api/changes";
 import { fixed } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
 import { Fault } from "../../ui/notice";
+import { sentenceCase } from "../../ui/words";
 import { GuideButton } from "../guide/dialog";
 import { Evidence } from "./evidence";
 import { Forecast, planesText } from "./forecast";
@@ -224,12 +225,7 @@ function FindingCard({
       <LevelIcon level={finding.level === "info" ? "info" : finding.level} />
       <div>
         <p>{finding.text}</p>
-        {finding.consequence !== "" && (
-          <p className={css.consequence}>
-            {finding.consequence.charAt(0).toUpperCase()}
-            {finding.consequence.slice(1)}
-          </p>
-        )}
+        {finding.consequence !== "" && <p className={css.consequence}>{sentenceCase(finding.consequence)}</p>}
         {finding.evidence.length > 0 && (
           <dl className={css.evidence}>
             {finding.evidence.map((item) => (

@@ -1,4 +1,5 @@
 import type { CalibrationResult } from "../../api/client";
+import { xyz } from "../../ui/axes";
 import { wrapped } from "../../ui/format";
 
 export interface Difference {
@@ -72,16 +73,15 @@ export function differences(first: CalibrationResult, second: CalibrationResult)
   if (a === null || b === null || ua === null || ub === null) return null;
   const deg = 180 / Math.PI;
   const both = (x: number | undefined, y: number | undefined) => Math.hypot(x ?? 0, y ?? 0);
-  const axes = ["x", "y", "z"] as const;
   const gain = gained(first, second);
   return [
-    ...axes.map((axis, i): Difference => ({
+    ...xyz.map((axis, i): Difference => ({
       name: `Turn ${axis}`,
       unit: "°",
       value: wrapped((rotationBetween(a.matrix, b.matrix)[i] ?? 0) * deg),
       sigma: both(ua.rotation_std_deg[i], ub.rotation_std_deg[i]),
     })),
-    ...axes.map((axis, i): Difference => ({
+    ...xyz.map((axis, i): Difference => ({
       name: `Position ${axis}`,
       unit: "mm",
       value: ((b.translation_m[i] ?? 0) - (a.translation_m[i] ?? 0)) * 1000,

@@ -1,3 +1,4 @@
+import { xyz } from "../../ui/axes";
 import { withSigma } from "../../ui/format";
 import { LevelIcon } from "../../ui/icons";
 import css from "./result.module.css";
@@ -110,12 +111,11 @@ function Name({ at, text }: { at: Point; text: string }) {
 }
 
 function Axes({ from, directions }: { from: Point; directions: readonly Vector[] }) {
-  const letters = ["x", "y", "z"] as const;
   return (
     <g>
       {directions.map((direction, i) => {
         const [dx, dy] = project(direction);
-        const letter = letters[i] ?? "x";
+        const letter = xyz[i] ?? "x";
         return (
           <g key={letter} data-axis={letter}>
             <line x1={from[0]} y1={from[1]} x2={from[0] + dx * axisLength} y2={from[1] + dy * axisLength} />

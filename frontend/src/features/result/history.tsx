@@ -3,6 +3,7 @@ import type { Run } from "../../api/client";
 import { useNow } from "../../ui/clock";
 import { ago, fixed, plusMinusStd, stdText } from "../../ui/format";
 import { LevelIcon, type Tone } from "../../ui/icons";
+import { planesOf } from "../../ui/words";
 import css from "./result.module.css";
 import { toneOf as toneOfResult } from "./verdict";
 
@@ -83,7 +84,7 @@ function planesText({ job }: Run): string {
   const used = answer?.planes_used ?? chosen;
   const planes = used > 0 ? used : chosen;
   if (planes === 0) return "";
-  const told = `${planes} ${planes === 1 ? "plane" : "planes"}`;
+  const told = planesOf(planes);
   return planes === chosen ? told : `${told}, ${chosen} chosen`;
 }
 

@@ -6,6 +6,13 @@ import type { CalibrationResult, ChangeRecording, Recording, Run } from "../../a
 import { useChangeRecording } from "../../api/changes";
 import { planesQuery } from "../../api/planes";
 import { factsQuery } from "../../api/queries";
+import {
+  accelerometerUnitDoubted,
+  contradictedPrior,
+  gyroscopeUnitDoubted,
+  ofAccelerometer,
+  ofGyroscope,
+} from "../../api/sentences";
 import { LeaveOut } from "./culprits";
 import { GuideButton } from "../guide/dialog";
 import { Icon } from "../../ui/icons";
@@ -20,21 +27,20 @@ interface Unit {
 }
 
 /** The unit that an answer's gravest reasons cast doubt on, as the other one it could be; null where they speak of none. Each is
- *  judged by its own words: that readings are in g is said of every such recording, and casts no doubt on anything. */
+ *  judged by its own words. */
 export function otherUnit(
   recording: Pick<Recording, "report" | "read_settings">,
   reasons: readonly string[],
 ): Unit | null {
   const imu = recording.report?.imu;
   const doubted = (sensor: RegExp, doubt: RegExp) => reasons.some((text) => sensor.test(text) && doubt.test(text));
-  // A bias that wanders many times as fast as others do is no unit: what is compared with the lidar's turning is.
-  if (doubted(/gyroscope/i, /(?<!in )\bunits?\b|times as fast as the lidar/i)) {
+  if (doubted(ofGyroscope, gyroscopeUnitDoubted)) {
     const now = recording.read_settings.gyroscope_unit ?? imu?.gyroscope_unit ?? "rad_s";
     return now === "rad_s"
       ? { label: "Read the gyroscope in °/s", change: { gyroscope_unit: "deg_s" } }
       : { label: "Read the gyroscope in rad/s", change: { gyroscope_unit: "rad_s" } };
   }
-  if (doubted(/acceler|gravity/i, /(?<!in )\bunits?\b|neither in m\/s² nor in g/i)) {
+  if (doubted(ofAccelerometer, accelerometerUnitDoubted)) {
     const now = recording.read_settings.accelerometer_unit ?? imu?.accelerometer_unit ?? "m_s2";
     return now === "m_s2"
       ? { label: "Read accelerations in g", change: { accelerometer_unit: "g" } }
@@ -96,12 +102,10 @@ export function firstStep(
   return null;
 }
 
-const ofAxis = /given for the (?:(rotation|translation) \w+ the \w+['’]s ([xyz]) axis|time offset)/;
-
 /** Which of the axes that something was given for the recording contradicts, by what is said of it; the first where that is not
  *  clear, null where nothing was given. */
 export function contradicted(texts: readonly string[], given: readonly Axis[]): Axis | null {
-  const said = texts.map((text) => ofAxis.exec(text)).find((found) => found !== null);
+  const said = texts.map((text) => contradictedPrior.exec(text)).find((found) => found !== null);
   const axis =
     said === undefined ? null : said[1] === undefined ? "dt" : `${said[1] === "rotation" ? "r" : "t"}${said[2] ?? ""}`;
   return given.find((one) => one === axis) ?? given[0] ?? null;

@@ -1,4 +1,5 @@
 import type { CalibrationResult } from "../../api/client";
+import { colorOf, xyz } from "../../ui/axes";
 import type { Line } from "../../ui/lineplot";
 
 type Evidence = NonNullable<CalibrationResult["evidence"]>;
@@ -13,20 +14,14 @@ export interface PartsPlot {
   range: readonly [number, number];
 }
 
-const axes = [
-  ["x", "var(--axis-x)"],
-  ["y", "var(--axis-y)"],
-  ["z", "var(--axis-z)"],
-] as const;
-
 /** Bars longer than so many times the shorter ones (their quartile) may leave the plot. */
 const longestBar = 5;
 
 export function plotsOf(parts: readonly Part[]): PartsPlot[] {
   const perAxis = (shift: (part: Part) => readonly number[], std: (part: Part) => readonly number[], factor: number) =>
-    axes.map(([label, color], i) => ({
-      label,
-      color,
+    xyz.map((axis, i) => ({
+      label: axis,
+      color: colorOf(axis),
       values: parts.map((part) => (shift(part)[i] ?? 0) * factor),
       sigmas: parts.map((part) => (std(part)[i] ?? 0) * factor),
     }));

@@ -2,6 +2,7 @@ import { SegmentedControl } from "@mantine/core";
 import type { CalibrationResult, Limits } from "../../api/client";
 import { useOwnLimits } from "../../api/ownlimits";
 import { useLimits, useUsualLimits } from "../../api/queries";
+import { xyz, type SpaceAxis } from "../../ui/axes";
 import { anglesText, fixed, heldText, plusMinus, toSigma, twoDigits, withSigma, type ValueText } from "../../ui/format";
 import { distanceOf } from "./distance";
 import { Frames } from "./frames";
@@ -15,8 +16,6 @@ interface PoseCardProps {
   direction: Direction;
   onDirection: (direction: Direction) => void;
 }
-
-const axes = ["x", "y", "z"] as const;
 
 /** The transform in either direction, the time offset, and one standard deviation of each number. */
 export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps) {
@@ -51,7 +50,7 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
         <table className={css.numbers}>
           <caption className="sr-only">Transform and time offset with one standard deviation</caption>
           <tbody>
-            {axes.map((axis, i) => (
+            {xyz.map((axis, i) => (
               <NumberRow
                 key={axis}
                 axis={axis}
@@ -68,7 +67,7 @@ export function PoseCard({ pose, result, direction, onDirection }: PoseCardProps
               <td className={css.unit}>°</td>
               <td className={css.share} />
             </tr>
-            {axes.map((axis, i) => (
+            {xyz.map((axis, i) => (
               <NumberRow
                 key={`turn ${axis}`}
                 axis={axis}
@@ -137,7 +136,7 @@ function row(values: readonly number[], decimals: number): string {
 }
 
 interface NumberRowProps {
-  axis: "x" | "y" | "z" | "t";
+  axis: SpaceAxis | "t";
   name: string;
   text: ValueText;
   /** Standard deviation over the limit of a weak answer. */

@@ -1,5 +1,6 @@
 import type { CalibrationResult } from "../../api/client";
 import { LevelIcon, type Tone } from "../../ui/icons";
+import { sentenceCase } from "../../ui/words";
 import css from "./result.module.css";
 
 const words: Record<CalibrationResult["status"], string> = {
@@ -37,7 +38,7 @@ export function Verdict({ result, text }: { result: CalibrationResult; text: str
       <LevelIcon level={tone} size={30} />
       <div>
         <h1>{word}</h1>
-        <p>{sentence.charAt(0).toUpperCase() + sentence.slice(1)}</p>
+        <p>{sentenceCase(sentence)}</p>
       </div>
     </header>
   );

@@ -94,10 +94,23 @@ export interface Problem {
 /** The field of a prior, by its place in the list. */
 export const priorField = (place: number, part: "value" | "sigma") => `prior ${place} ${part}`;
 
+/** The numbers of a draft, from the top of the form to its end: null is no limit, undefined what is missing or out of its range. */
+function numbersOf(draft: Draft, usual: Usual) {
+  const paper = draft.method === "paper";
+  const whole = (least: number) => (value: number) => Number.isInteger(value) && value >= least;
+  const upToHalfTurn = (value: number) => value > 0 && value <= 180;
+  return {
+    points: limitOf(draft.points, whole(1), paper ? usual.paper_points_per_plane_per_scan : null),
+    fieldDeg: limitOf(draft.fieldDeg, upToHalfTurn, paper ? usual.paper_field_of_view_deg : null),
+    rounds: optional(draft.rounds, whole(1), usual.max_rounds),
+    seed: optional(draft.seed, whole(0), 0),
+  };
+}
+
 /** What stands in the way of a solve with this draft, from the top of the form to its end. */
 export function problemsOf(draft: Draft, usual: Usual, axisNames: Partial<Record<string, string>>): Problem[] {
-  const whole = (least: number) => (value: number) => Number.isInteger(value) && value >= least;
   const check = (field: string, bad: boolean, text: string): Problem[] => (bad ? [{ field, text }] : []);
+  const { points, fieldDeg, rounds, seed } = numbersOf(draft, usual);
   return [
     ...draft.priors.flatMap(({ axis, value, sigma }, place) => {
       const name = axisNames[axis] ?? axis;
@@ -120,38 +133,18 @@ export function problemsOf(draft: Draft, usual: Usual, axisNames: Partial<Record
       gravityOf(draft, usual, null) === undefined,
       draft.gravity === "latitude" ? "Latitude: a number from −90 to 90°." : "Gravity: a number between 9 and 10 m/s².",
     ),
-    ...check(
-      "points",
-      limitOf(draft.points, whole(1), null) === undefined,
-      "Points per plane and scan: a whole number above 0, “all”, or nothing.",
-    ),
-    ...check(
-      "field",
-      limitOf(draft.fieldDeg, (value) => value > 0 && value <= 180, null) === undefined,
-      "Field of view: a number up to 180°, “all”, or nothing.",
-    ),
-    ...check("rounds", optional(draft.rounds, whole(1), null) === undefined, "Most rounds: a whole number above 0."),
-    ...check("seed", optional(draft.seed, whole(0), null) === undefined, "Seed of the plane search: a whole number."),
+    ...check("points", points === undefined, "Points per plane and scan: a whole number above 0, “all”, or nothing."),
+    ...check("field", fieldDeg === undefined, "Field of view: a number up to 180°, “all”, or nothing."),
+    ...check("rounds", rounds === undefined, "Most rounds: a whole number above 0."),
+    ...check("seed", seed === undefined, "Seed of the plane search: a whole number."),
   ];
 }
 
 /** The settings that a draft stands for, the rest as before; null while a number is unfinished or out of its range. */
 export function settingsOf(draft: Draft, before: Served, usual: Usual): Partial<Settings> | null {
-  const paper = draft.method === "paper";
-  const points = limitOf(
-    draft.points,
-    (value) => Number.isInteger(value) && value > 0,
-    paper ? usual.paper_points_per_plane_per_scan : null,
-  );
-  const fieldDeg = limitOf(
-    draft.fieldDeg,
-    (value) => value > 0 && value <= 180,
-    paper ? usual.paper_field_of_view_deg : null,
-  );
+  const { points, fieldDeg, rounds, seed } = numbersOf(draft, usual);
   const gravity = gravityOf(draft, usual, before.gravity);
   const priors = draft.priors.map((text) => untouched(text, before) ?? priorOf(text));
-  const seed = optional(draft.seed, (value) => Number.isInteger(value) && value >= 0, 0) ?? undefined;
-  const rounds = optional(draft.rounds, (value) => Number.isInteger(value) && value > 0, usual.max_rounds) ?? undefined;
   if (points === undefined || fieldDeg === undefined || gravity === undefined) return null;
   if (seed === undefined || rounds === undefined || priors.some((prior) => prior === null)) return null;
   return {
@@ -186,13 +179,17 @@ function untouched(text: PriorText, before: Served): Prior | undefined {
 }
 
 /** The number, what stands for an empty field, or undefined for what is no number that fits. */
-function optional(text: string, fits: (value: number) => boolean, empty: number | null): number | null | undefined {
+function optional<Empty extends number | null>(
+  text: string,
+  fits: (value: number) => boolean,
+  empty: Empty,
+): number | Empty | undefined {
   if (text.trim() === "") return empty;
   const value = numberOf(text);
   return value !== null && fits(value) ? value : undefined;
 }
 
-/** The same of a limit, which may be none. */
+/** The number of a limit, null for none; what stands for an empty field, or undefined for what is no number that fits. */
 function limitOf(text: string, fits: (value: number) => boolean, empty: number | null): number | null | undefined {
   return text.trim().toLowerCase() === unlimited ? null : optional(text, fits, empty);
 }

@@ -12,6 +12,7 @@ import { Priors } from "./known";
 import { guessOf, StartValue } from "./startvalue";
 import css from "./solve.module.css";
 
+type NumberPart = "gravityNumber" | "points" | "fieldDeg" | "rounds" | "seed";
 type Choice = "gravity" | "imuNoise" | "lidar" | "biasModel" | "imuSampling" | "lidarSampling" | "intrinsics";
 
 interface SolveOptionsProps {
@@ -74,6 +75,18 @@ function Controls({ recordingId, facts, title, action, formId, before, onSolve, 
       onChange={(event) => set({ [name]: event.currentTarget.value })}
     />
   );
+  const number = (part: NumberPart, field: string, label: string, placeholder: string) => (
+    <TextInput
+      size="xs"
+      inputMode={part === "gravityNumber" || part === "fieldDeg" ? "decimal" : "numeric"}
+      name={field}
+      error={wrong(field)}
+      label={label}
+      placeholder={placeholder}
+      value={draft[part]}
+      onChange={(event) => set({ [part]: event.currentTarget.value })}
+    />
+  );
   const solve = () => {
     setWanted(true);
     if (problem !== undefined) go(problem.field);
@@ -128,18 +141,8 @@ function Controls({ recordingId, facts, title, action, formId, before, onSolve, 
               { value: "exact", label: "known exactly" },
               ...(kept.gravity === "before" ? [{ value: "before", label: gravityText(before.gravity) }] : []),
             ])}
-            {(draft.gravity === "latitude" || draft.gravity === "exact") && (
-              <TextInput
-                size="xs"
-                inputMode="decimal"
-                name="gravity"
-                error={wrong("gravity")}
-                label={draft.gravity === "latitude" ? "Latitude, °" : "Gravity, m/s²"}
-                placeholder={draft.gravity === "latitude" ? "48.1" : "9.807"}
-                value={draft.gravityNumber}
-                onChange={(event) => set({ gravityNumber: event.currentTarget.value })}
-              />
-            )}
+            {draft.gravity === "latitude" && number("gravityNumber", "gravity", "Latitude, °", "48.1")}
+            {draft.gravity === "exact" && number("gravityNumber", "gravity", "Gravity, m/s²", "9.807")}
             {choice("imuNoise", "IMU noise", [
               { value: "", label: "as measured" },
               ...presets.map((name) => ({ value: name, label: name })),
@@ -168,46 +171,20 @@ function Controls({ recordingId, facts, title, action, formId, before, onSolve, 
               { value: "off", label: "taken as none" },
               ...(Array.isArray(before.intrinsics) ? [{ value: chosenBlocks, label: "those named before" }] : []),
             ])}
-            <TextInput
-              size="xs"
-              inputMode="numeric"
-              name="points"
-              error={wrong("points")}
-              label="Points per plane and scan"
-              placeholder={paper ? String(usual.paper_points_per_plane_per_scan) : "all"}
-              value={draft.points}
-              onChange={(event) => set({ points: event.currentTarget.value })}
-            />
-            <TextInput
-              size="xs"
-              inputMode="decimal"
-              name="field"
-              error={wrong("field")}
-              label="Field of view, ±°"
-              placeholder={paper ? String(usual.paper_field_of_view_deg) : "all around"}
-              value={draft.fieldDeg}
-              onChange={(event) => set({ fieldDeg: event.currentTarget.value })}
-            />
-            <TextInput
-              size="xs"
-              inputMode="numeric"
-              name="rounds"
-              error={wrong("rounds")}
-              label="Most rounds"
-              placeholder={String(usual.max_rounds)}
-              value={draft.rounds}
-              onChange={(event) => set({ rounds: event.currentTarget.value })}
-            />
-            <TextInput
-              size="xs"
-              inputMode="numeric"
-              name="seed"
-              error={wrong("seed")}
-              label="Seed of the plane search"
-              placeholder="0"
-              value={draft.seed}
-              onChange={(event) => set({ seed: event.currentTarget.value })}
-            />
+            {number(
+              "points",
+              "points",
+              "Points per plane and scan",
+              paper ? String(usual.paper_points_per_plane_per_scan) : "all",
+            )}
+            {number(
+              "fieldDeg",
+              "field",
+              "Field of view, ±°",
+              paper ? String(usual.paper_field_of_view_deg) : "all around",
+            )}
+            {number("rounds", "rounds", "Most rounds", String(usual.max_rounds))}
+            {number("seed", "seed", "Seed of the plane search", "0")}
           </div>
           <Switch
             size="xs"

@@ -1,5 +1,5 @@
 import type { IterationEvent, SolveOutcome } from "../../api/client";
-import { unitOf, type Axis } from "../../ui/axes";
+import { unitOf, type Axis, type SpaceAxis } from "../../ui/axes";
 import { anglesText } from "../../ui/format";
 import { turnDeg } from "./turns";
 
@@ -7,7 +7,7 @@ export interface Parameter {
   name: string;
   key: Axis;
   unit: ReturnType<typeof unitOf>;
-  axis: "x" | "y" | "z" | "t";
+  axis: SpaceAxis | "t";
   values: number[];
   /** Null where it was held. */
   sigmas: (number | null)[];
@@ -58,7 +58,7 @@ export function parametersOf(answers: readonly Answer[]): Parameter[] {
       name: names[key],
       key,
       unit: unitOf(key),
-      axis: key === "dt" ? "t" : (key.slice(1) as "x" | "y" | "z"),
+      axis: key === "dt" ? "t" : (key.slice(1) as SpaceAxis),
       values: shown.map(([value]) => value),
       sigmas: shown.map(([, sigma]) => sigma),
     };

@@ -33,9 +33,9 @@ from calib_core.solver.arrow import ArrowEquations, Eliminated, NotPositiveDefin
 from calib_core.solver.information import covariance
 from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray, IntArray
-from tests.core.factors.test_laser_features import triangle
-from tests.core.full.joint import test_problem as plain
-from tests.core.full.joint.test_sensors import BENT, LASERS, NUISANCE, Case, _written_out
+from tests.core.factors.triangles import triangle
+from tests.core.full.joint import misfit_problem as plain
+from tests.core.full.joint.sensor_case import BENT, LASERS, NUISANCE, Case, written_out
 
 
 def _solved() -> tuple[JointProblem, Estimate]:
@@ -164,7 +164,7 @@ def test_a_laser_pulls_by_the_means_of_its_points(nuisance: Nuisance) -> None:
     case = Case(1, nuisance)
     of = factor_influences(case.problem, case.estimate, [ByLaser(case.problem.lidar, LASERS)])
     J, r = case.numerical_jacobian(), case.stacked(case.estimate)
-    H, _ = _written_out(case)
+    H, _ = written_out(case)
     X = np.linalg.solve(H, np.eye(len(H))[:, 9 * plain.KNOTS :][:, :CALIBRATION]) / UNITS
     links = 9 * len(case.problem.links.DR)
     rows, residual = (J[links : links + len(case.pair)] @ X), r[links : links + len(case.pair)]
@@ -230,7 +230,7 @@ def test_what_planes_disagree_about_widens_each_parameter_by_its_own_pulls(monke
     case = Case(1)
     problem, own = case.problem, case.problem.layout(case.estimate).nuisance()
     J, r = case.numerical_jacobian(), case.stacked(case.estimate)
-    H, _ = _written_out(case)
+    H, _ = written_out(case)
     start = 9 * plain.KNOTS + own.start
     X = np.linalg.solve(H, np.eye(len(H))[:, start : start + own.stop - own.start])
     links = 9 * len(problem.links.DR)

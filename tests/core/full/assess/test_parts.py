@@ -18,7 +18,7 @@ from calib_core.geometry import log
 from calib_core.result import OwnAnswer
 from calib_core.simulate import Truth
 from calib_core.types import FloatArray, Recording
-from tests.core.full.joint.test_sensors import Case
+from tests.core.full.joint.sensor_case import Case
 
 PARTS, OWN_UNKNOWNS, ROWS = 6, 5, 40
 

@@ -18,15 +18,15 @@ from calib_core.settings import CalibrateSettings, Prior
 from calib_core.simulate import SCENARIOS, Truth
 from calib_core.simulate.motions import ONE_AXIS, PAPER_FAST
 from calib_core.types import FloatArray, InitialGuess
-from tests.core.full.initialise.test_start import SCENARIO, _imu, _tracked, _truth
+from tests.core.full.initialise.perfect_tracks import SCENARIO, imu_readings, tracked_lidar, truth_of
 
 OFFSET_S = 0.31
 
 
 def _world(*, one_axis: bool = False) -> tuple[Truth, LidarTrack, FloatArray, FloatArray]:
-    truth = _truth(replace(SCENARIO, motion=ONE_AXIS if one_axis else PAPER_FAST))
-    stamps, gyro, _ = _imu(truth, 5.0, 35.0, OFFSET_S)
-    return truth, _tracked(truth, 10.0, 30.0, noise=0.01), stamps, gyro
+    truth = truth_of(replace(SCENARIO, motion=ONE_AXIS if one_axis else PAPER_FAST))
+    stamps, gyro, _ = imu_readings(truth, 5.0, 35.0, OFFSET_S)
+    return truth, tracked_lidar(truth, 10.0, 30.0, noise=0.01), stamps, gyro
 
 
 def _begun(
@@ -74,7 +74,7 @@ def test_what_a_rotation_leaves() -> None:
 def test_a_rotation_that_the_turning_refutes(off_deg: tuple[float, ...], refuted: bool) -> None:
     """Mutations: never refuted; always; the guess's begun with all the same; compared with its own inverse."""
     turn = Rotation.from_rotvec(off_deg, degrees=True)
-    wrong = _truth(SCENARIO).R_imu_lidar @ turn.as_matrix()
+    wrong = truth_of(SCENARIO).R_imu_lidar @ turn.as_matrix()
     start, as_guessed, said, truth = _begun(InitialGuess(wrong, None, None))
     assert as_guessed is not refuted
     begun_deg = np.degrees(Rotation.from_matrix(truth.R_imu_lidar.T @ start.R_imu_lidar).magnitude())
@@ -112,7 +112,7 @@ def test_a_calibration_that_is_held_is_refused_where_the_turning_refutes_it(
     """
     scenario = replace(SCENARIO, motion=ONE_AXIS) if one_axis else SCENARIO
     turn = Rotation.from_rotvec(off_deg, degrees=True)
-    R = _truth(scenario).R_imu_lidar @ turn.as_matrix()
+    R = truth_of(scenario).R_imu_lidar @ turn.as_matrix()
     guess = InitialGuess(R, None, None if off_s is None else round((OFFSET_S + off_s) * 1e9))
     if refuted is None:
         _, as_guessed, said, _ = _begun(guess, one_axis=one_axis, priors=HELD)
@@ -133,16 +133,16 @@ def test_a_right_calibration_is_never_refused_for_its_gyroscope_s_axes(seed: int
     """
     away = np.random.default_rng(seed).normal(size=3)
     R_gyro = Rotation.from_rotvec(0.03 * away / np.linalg.norm(away)).as_matrix()
-    guess = InitialGuess(_truth(SCENARIO).R_imu_lidar, None, round(OFFSET_S * 1e9))
+    guess = InitialGuess(truth_of(SCENARIO).R_imu_lidar, None, round(OFFSET_S * 1e9))
     _, as_guessed, said, _ = _begun(guess, priors=HELD, R_gyro=R_gyro)
     assert (as_guessed, said) == (True, [])
 
 
 def test_a_rotation_written_the_other_way_round_is_called_that() -> None:
     """Mutation: the inverse not asked."""
-    truth = _truth(replace(SCENARIO, mounting=(0.1, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5)))
-    track = _tracked(truth, 10.0, 30.0)
-    stamps, gyro, _ = _imu(truth, 5.0, 35.0, OFFSET_S)
+    truth = truth_of(replace(SCENARIO, mounting=(0.1, 0.0, 0.0, 0.5, 0.5, 0.5, 0.5)))
+    track = tracked_lidar(truth, 10.0, 30.0)
+    stamps, gyro, _ = imu_readings(truth, 5.0, 35.0, OFFSET_S)
     said: list[str] = []
     run = SimpleNamespace(
         clocks=SimpleNamespace(imu_s=stamps),
@@ -164,7 +164,7 @@ def test_what_the_turning_leaves_open_is_the_guess_s() -> None:
     Mutations: asked all the same; the turn about the axis left open.
     """
     wrong = SCENARIOS["paper-normal"]
-    R = _truth(wrong).R_imu_lidar @ Rotation.from_rotvec([0.0, 0.0, 70.0], degrees=True).as_matrix()
+    R = truth_of(wrong).R_imu_lidar @ Rotation.from_rotvec([0.0, 0.0, 70.0], degrees=True).as_matrix()
     start, as_guessed, said, _ = _begun(InitialGuess(R, None, None), one_axis=True)
     assert (as_guessed, said, start.open_axis_imu) == (True, [], None)
     np.testing.assert_array_equal(start.R_imu_lidar, R)
@@ -205,9 +205,9 @@ def test_a_lever_arm_that_both_motions_refute(
 
     Mutations: never refuted; always; begun with all the same; what a prior holds put aside; not held while it is asked.
     """
-    truth = _truth(replace(SCENARIO, motion=ONE_AXIS if one_axis else PAPER_FAST))
-    track = _tracked(truth, 10.0, 30.0, noise=0.002)
-    stamps, gyro, accel = _imu(truth, 5.0, 35.0, OFFSET_S)
+    truth = truth_of(replace(SCENARIO, motion=ONE_AXIS if one_axis else PAPER_FAST))
+    track = tracked_lidar(truth, 10.0, 30.0, noise=0.002)
+    stamps, gyro, accel = imu_readings(truth, 5.0, 35.0, OFFSET_S)
     said: list[str] = []
     priors = (Prior(axis="tx", value=0.0, std=1.0),) if prior else ()
     run = SimpleNamespace(

@@ -13,16 +13,16 @@ from calib_core.errors import Refused
 from calib_core.full.initialise.rigid_mount import left_of, require_rigid
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.types import FloatArray
-from tests.core.full.initialise.test_start import SCENARIO, _imu, _tracked, _truth
+from tests.core.full.initialise.perfect_tracks import SCENARIO, imu_readings, tracked_lidar, truth_of
 
 OFFSET_S = -0.2
 
 
 def _refused(turned_rad: FloatArray | None, *, gyro_scale: float = 1.0, leaps: int = 0, first_s: float = 10.0) -> str:
     """What is said of a lidar that is turned against the rig by rotation vectors (M, 3) at its scans; "" for nothing."""
-    truth = _truth(SCENARIO)
-    track: LidarTrack = _tracked(truth, first_s, 30.0)
-    stamps, gyro, _ = _imu(truth, 5.0, 35.0, OFFSET_S)
+    truth = truth_of(SCENARIO)
+    track: LidarTrack = tracked_lidar(truth, first_s, 30.0)
+    stamps, gyro, _ = imu_readings(truth, 5.0, 35.0, OFFSET_S)
     R = track.R
     if turned_rad is not None:
         R = R @ Rotation.from_rotvec(turned_rad[: len(R)]).as_matrix()

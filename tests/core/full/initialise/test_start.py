@@ -15,20 +15,24 @@ from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.linear import double_integral, linear_start, linear_steps
 from calib_core.full.initialise.rotation import _fit_rotations, rotation_start
 from calib_core.full.initialise.single_axis import turns_about, upright
-from calib_core.full.initialise.start import LidarTrack, RotationStart, Start
+from calib_core.full.initialise.start import RotationStart, Start
 from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns, candidate_lags, turns_of
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
-from calib_core.simulate import SCENARIOS, Mounting, Scenario, Truth, generate
+from calib_core.simulate import SCENARIOS, Mounting, Truth, generate
 from calib_core.simulate.motion import Pose
-from calib_core.simulate.motions import HINGE, ONE_AXIS, ONE_AXIS_IN_PLACE, PAPER_FAST
+from calib_core.simulate.motions import HINGE, ONE_AXIS, ONE_AXIS_IN_PLACE
 from calib_core.types import FloatArray
+from tests.core.full.initialise.perfect_tracks import (
+    ACCEL_BIAS,
+    GYRO_BIAS,
+    SCENARIO,
+    imu_readings,
+    tracked_lidar,
+    truth_of,
+)
 from tests.core.full.joint.conftest import true_motions
-
-SWEEP_S = 0.1
-GYRO_BIAS, ACCEL_BIAS = np.array([0.01, -0.02, 0.015]), np.array([0.1, -0.05, 0.08])
-SCENARIO = replace(SCENARIOS["paper-normal"], motion=PAPER_FAST)
 
 
 def _mounting(seed: int) -> Mounting:
@@ -39,28 +43,6 @@ def _mounting(seed: int) -> Mounting:
     return (x, y, z, qx, qy, qz, qw)
 
 
-def _truth(scenario: Scenario) -> Truth:
-    return Truth(scenario, 0, 0, 0, np.zeros(3), np.zeros(3))
-
-
-def _tracked(truth: Truth, first_s: float, last_s: float, *, noise: float = 0.0) -> LidarTrack:
-    """What a perfect lidar-only track gives: poses at the sweeps' starts and the mean rates within them."""
-    start = np.arange(first_s, last_s, SWEEP_S)
-    R0, p0 = truth.map_lidar(start)
-    R1, p1 = truth.map_lidar(start + SWEEP_S)
-    rng = np.random.default_rng(0)
-    omega = log(np.swapaxes(R0, 1, 2) @ R1) / SWEEP_S + noise * rng.normal(size=(len(start), 3))
-    return LidarTrack(start, np.full(len(start), SWEEP_S), R0, p0, omega, (p1 - p0) / SWEEP_S, np.zeros_like(R0))
-
-
-def _imu(truth: Truth, first_s: float, last_s: float, offset_s: float) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Stamps on the IMU's own clock, and biased readings without noise, 100 Hz."""
-    t = np.arange(first_s, last_s, 0.01)
-    at = truth.imu(t)
-    force = np.einsum("nji,nj->ni", at.R_world, at.a_m_s2 - truth.gravity_world_m_s2)
-    return t - offset_s, at.omega_rad_s + GYRO_BIAS, force + ACCEL_BIAS
-
-
 @pytest.mark.parametrize(("seed", "offset_s"), [(1, -0.073), (2, 1.87), (3, -12.4), (4, 143.21)])
 def test_offset_and_rotation_of_any_mounting_at_any_lag(seed: int, offset_s: float) -> None:
     """Fails when the lag's sign is flipped, or R maps the IMU's rates to the lidar's (u and v of Kabsch exchanged).
@@ -68,9 +50,9 @@ def test_offset_and_rotation_of_any_mounting_at_any_lag(seed: int, offset_s: flo
     The IMU runs from 9 s before the lidar to 6 s after it. A mean rate over a sweep of 1.5 Hz motion is good to
     1 % of itself, and its time to a millisecond: the joint solve starts from a degree and 20 ms without trouble.
     """
-    truth = _truth(replace(SCENARIO, mounting=_mounting(seed)))
-    track = _tracked(truth, 10.0, 30.0)
-    stamps, gyro, _ = _imu(truth, 1.0, 36.0, offset_s)
+    truth = truth_of(replace(SCENARIO, mounting=_mounting(seed)))
+    track = tracked_lidar(truth, 10.0, 30.0)
+    stamps, gyro, _ = imu_readings(truth, 1.0, 36.0, offset_s)
     start = rotation_start(track, stamps, gyro)[0]
     assert abs(start.time_offset_s - offset_s) < 2e-3
     assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.R_imu_lidar))) < 0.3
@@ -82,9 +64,9 @@ def test_offset_and_rotation_of_any_mounting_at_any_lag(seed: int, offset_s: flo
 
 def test_candidates_hold_the_true_lag_among_few_and_apart() -> None:
     """Fails when a found peak is not blanked out: six times the same lag."""
-    truth = _truth(SCENARIO)
-    stamps, gyro, _ = _imu(truth, 0.0, 30.0, -4.3)
-    lags = candidate_lags(turns_of(_tracked(truth, 5.0, 25.0))[0], GyroTurns(stamps, gyro), stamps)
+    truth = truth_of(SCENARIO)
+    stamps, gyro, _ = imu_readings(truth, 0.0, 30.0, -4.3)
+    lags = candidate_lags(turns_of(tracked_lidar(truth, 5.0, 25.0))[0], GyroTurns(stamps, gyro), stamps)
     values = np.array([lag for lag, _ in lags])
     assert abs(values[0] + 4.3) < 0.03
     assert np.diff(np.sort(values)).min() > 0.2
@@ -94,9 +76,9 @@ def test_candidates_hold_the_true_lag_among_few_and_apart() -> None:
 
 def test_sensors_that_share_no_time_have_no_start() -> None:
     """Fails when a fit is made from fewer than ten sweeps."""
-    truth = _truth(SCENARIO)
-    stamps, gyro, _ = _imu(truth, 10.0, 10.6, 0.0)
-    assert rotation_start(_tracked(truth, 10.0, 30.0), stamps, gyro) == []
+    truth = truth_of(SCENARIO)
+    stamps, gyro, _ = imu_readings(truth, 10.0, 10.6, 0.0)
+    assert rotation_start(tracked_lidar(truth, 10.0, 30.0), stamps, gyro) == []
 
 
 def test_lags_tried_at_once_are_as_each_by_itself() -> None:
@@ -104,9 +86,9 @@ def test_lags_tried_at_once_are_as_each_by_itself() -> None:
 
     Mutations: the median over the turns that do not count, too; weights not scaled by how many count; lags out of order.
     """
-    truth = _truth(SCENARIO)
-    turns = turns_of(_tracked(truth, 10.0, 30.0))[1]
-    stamps, gyro, _ = _imu(truth, 12.0, 26.0, 0.0)
+    truth = truth_of(SCENARIO)
+    turns = turns_of(tracked_lidar(truth, 10.0, 30.0))[1]
+    stamps, gyro, _ = imu_readings(truth, 12.0, 26.0, 0.0)
     gyro_turns = GyroTurns(stamps, gyro)
     lags = np.array([-7.0, -0.1, 0.0, 0.01, 4.0, 40.0])
     together = _fit_rotations(turns, gyro_turns, lags, 0.9)
@@ -125,11 +107,11 @@ def test_lags_tried_at_once_are_as_each_by_itself() -> None:
 
 def test_outlying_sweeps_do_not_turn_the_rotation() -> None:
     """Fails when Kabsch's two factors change places."""
-    truth = _truth(SCENARIO)
-    track = _tracked(truth, 5.0, 25.0)
+    truth = truth_of(SCENARIO)
+    track = tracked_lidar(truth, 5.0, 25.0)
     track.omega_rad_s[40:100:3] += [0.5, -0.7, 0.6]
     track.R[40:100:3] = track.R[40:100:3] @ exp(np.array([0.05, -0.07, 0.06]))
-    stamps, gyro, _ = _imu(truth, 4.0, 26.0, 0.01)
+    stamps, gyro, _ = imu_readings(truth, 4.0, 26.0, 0.01)
     start = rotation_start(track, stamps, gyro)[0]
     assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.R_imu_lidar))) < 0.3
 
@@ -139,9 +121,9 @@ def test_turning_about_one_axis_leaves_the_turn_about_it_open() -> None:
 
     The axis of the simulated hinge, turned into the IMU; the rotation is right up to a turn about it.
     """
-    truth = _truth(replace(SCENARIOS["one-axis"], motion=ONE_AXIS))
-    track = _tracked(truth, 5.0, 25.0, noise=0.01)
-    stamps, gyro, _ = _imu(truth, 4.0, 26.0, 0.02)
+    truth = truth_of(replace(SCENARIOS["one-axis"], motion=ONE_AXIS))
+    track = tracked_lidar(truth, 5.0, 25.0, noise=0.01)
+    stamps, gyro, _ = imu_readings(truth, 4.0, 26.0, 0.02)
     start = rotation_start(track, stamps, gyro)[0]
     hinge = truth.R_imu_lidar @ (np.array(HINGE) / np.linalg.norm(HINGE))
     assert start.open_axis_imu is not None
@@ -155,8 +137,8 @@ def test_turning_about_one_axis_leaves_the_turn_about_it_open() -> None:
 
 def _trials(truth: Truth, noise: float) -> tuple[list[Start], Callable[[RotationStart], Start]]:
     """What the accelerations say at 24 turns about the axis, and how they were asked."""
-    track = _tracked(truth, 5.0, 25.0, noise=noise)
-    stamps, gyro, accel = _imu(truth, 4.0, 26.0, 0.02)
+    track = tracked_lidar(truth, 5.0, 25.0, noise=noise)
+    stamps, gyro, accel = imu_readings(truth, 4.0, 26.0, 0.02)
     start = rotation_start(track, stamps, gyro)[0]
     assert start.open_axis_imu is not None
 
@@ -186,7 +168,7 @@ def test_an_open_turn_is_taken_where_planes_are_plumb_and_level(
     Turning in place about a hinge that is not upright; floor and walls a degree or two off.
     """
     scenario = SCENARIOS["one-axis-in-place"]
-    truth = _truth(replace(scenario, motion=ONE_AXIS_IN_PLACE, mounting=_mounting(seed)))
+    truth = truth_of(replace(scenario, motion=ONE_AXIS_IN_PLACE, mounting=_mounting(seed)))
     trials, trial = _trials(truth, 0.002)
     chosen = upright(trials, _seen(truth, *normals), trial)
     off = np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ chosen.rotation.R_imu_lidar)))
@@ -198,7 +180,7 @@ def test_a_turn_that_the_accelerations_tell_is_left_to_them() -> None:
 
     Turning about one axis while moving along all three, before nothing but a ramp.
     """
-    truth = _truth(replace(SCENARIOS["one-axis"], motion=ONE_AXIS, mounting=_mounting(4)))
+    truth = truth_of(replace(SCENARIOS["one-axis"], motion=ONE_AXIS, mounting=_mounting(4)))
     trials, trial = _trials(truth, 0.002)
     chosen = upright(trials, _seen(truth, RAMP), trial)
     assert chosen is min(trials, key=lambda t: t.misfit)
@@ -213,7 +195,7 @@ def test_about_an_upright_axis_the_accelerations_keep_their_say() -> None:
     level = Pose(position_m=(1.2, 1.2, 0.9))
     x, y, _ = (tuple(replace(wave, amplitude=0.008 * wave.amplitude) for wave in waves) for waves in ONE_AXIS.position)
     motion = replace(ONE_AXIS_IN_PLACE, turns=(upright_hinge,), base=level, position=(x, y, ()))
-    truth = _truth(replace(SCENARIOS["one-axis-in-place"], motion=motion))
+    truth = truth_of(replace(SCENARIOS["one-axis-in-place"], motion=motion))
     trials, trial = _trials(truth, 0.002)
     alike = [t for t in trials if t.misfit < 1.05 * min(t.misfit for t in trials)]
     assert len(alike) >= 3
@@ -222,7 +204,7 @@ def test_about_an_upright_axis_the_accelerations_keep_their_say() -> None:
 
 def test_the_turn_that_fits_best_stays_where_no_other_is_more_upright() -> None:
     """Fails when a turn is taken for the sake of a slope of a plane that is plumb and level nowhere on the way round."""
-    truth = _truth(replace(SCENARIOS["one-axis-in-place"], motion=ONE_AXIS_IN_PLACE, mounting=_mounting(1)))
+    truth = truth_of(replace(SCENARIOS["one-axis-in-place"], motion=ONE_AXIS_IN_PLACE, mounting=_mounting(1)))
     trials, trial = _trials(truth, 0.002)
     hinge = np.array(HINGE) / np.linalg.norm(HINGE)
     R_map_lidar = truth.map_lidar(np.zeros(1))[0][0]
@@ -249,9 +231,9 @@ def test_gravity_lever_arm_and_bias_by_linear_least_squares(seed: int) -> None:
 
     With the true rotation and offset. What is left: rates held constant over each sweep, a per cent of 0.5 Hz motion.
     """
-    truth = _truth(replace(SCENARIOS["paper-normal"], mounting=_mounting(seed)))
-    track = _tracked(truth, 2.5, 25.0)
-    stamps, gyro, accel = _imu(truth, 1.0, 27.0, 0.013)
+    truth = truth_of(replace(SCENARIOS["paper-normal"], mounting=_mounting(seed)))
+    track = tracked_lidar(truth, 2.5, 25.0)
+    stamps, gyro, accel = imu_readings(truth, 1.0, 27.0, 0.013)
     found = rotation_start(track, stamps, gyro)[0]
     start = replace(found, time_offset_s=0.013, R_imu_lidar=truth.R_imu_lidar)
     linear = linear_start(track, stamps, accel, start, gravity_m_s2=9.807)
@@ -271,9 +253,9 @@ def test_steps_that_the_accelerometer_has_not_felt_are_found_and_do_not_count() 
 
     Mutations: no passes of weights (the lever arm is 6 cm off and more); every step counts as sound; felt for shown.
     """
-    truth = _truth(SCENARIOS["paper-normal"])
-    track = _tracked(truth, 2.5, 25.0)
-    stamps, gyro, accel = _imu(truth, 1.0, 27.0, 0.013)
+    truth = truth_of(SCENARIOS["paper-normal"])
+    track = tracked_lidar(truth, 2.5, 25.0)
+    stamps, gyro, accel = imu_readings(truth, 1.0, 27.0, 0.013)
     start = replace(rotation_start(track, stamps, gyro)[0], time_offset_s=0.013, R_imu_lidar=truth.R_imu_lidar)
     slid = np.clip((np.arange(len(track.start_s)) - 80) / 4.0, 0.0, 1.0)[:, None] * np.array([0.2, -0.3, 0.48])
     steps = linear_steps(replace(track, p=track.p + slid), stamps, accel, start, gravity_m_s2=9.807)
@@ -293,9 +275,9 @@ def test_what_no_plane_tells_of_a_step_is_left_to_the_imu() -> None:
 
     Mutations: the open way counts as seen, in the fit (the lever arm is 2 cm and more off) or in what is astray; felt as shown.
     """
-    truth = _truth(SCENARIOS["paper-normal"])
-    track = _tracked(truth, 2.5, 25.0)
-    stamps, gyro, accel = _imu(truth, 1.0, 27.0, 0.013)
+    truth = truth_of(SCENARIOS["paper-normal"])
+    track = tracked_lidar(truth, 2.5, 25.0)
+    stamps, gyro, accel = imu_readings(truth, 1.0, 27.0, 0.013)
     start = replace(rotation_start(track, stamps, gyro)[0], time_offset_s=0.013, R_imu_lidar=truth.R_imu_lidar)
     along = np.array([0.8, -0.6, 0.0])
     unseen = np.outer(along, along)
@@ -334,11 +316,11 @@ def test_a_sweep_too_short_to_show_its_rate_leaves_the_turns_between_scans() -> 
     What a narrow view makes of the paper's motion: half a radian a second of noise within the sweep, half a degree on
     the poses.
     """
-    truth = _truth(SCENARIOS["paper-normal"])
+    truth = truth_of(SCENARIOS["paper-normal"])
     rng = np.random.default_rng(5)
-    track = _tracked(truth, 0.0, 5.0, noise=0.5)
+    track = tracked_lidar(truth, 0.0, 5.0, noise=0.5)
     track = replace(track, R=track.R @ exp(np.radians(0.3) * rng.normal(size=(len(track.R), 3))))
-    stamps, gyro, _ = _imu(truth, -1.0, 7.0, 0.004)
+    stamps, gyro, _ = imu_readings(truth, -1.0, 7.0, 0.004)
     start = rotation_start(track, stamps, gyro)[0]
     assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ start.R_imu_lidar))) < 3.0
     assert abs(start.time_offset_s - 0.004) < 6e-3
@@ -359,8 +341,8 @@ def test_gyro_turns_are_the_products_of_scipys_rotations_and_nothing_beyond_the_
 
 def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
     """Fails when the position is held from one scan to the next."""
-    truth = _truth(SCENARIOS["paper-normal"])
-    track = _tracked(truth, 5.0, 8.0)
+    truth = truth_of(SCENARIOS["paper-normal"])
+    track = tracked_lidar(truth, 5.0, 8.0)
     R, p = track.at(np.array([5.04, 7.95]))
     R_true, p_true = truth.map_lidar(np.array([5.04, 7.95]))
     np.testing.assert_allclose(R, R_true, atol=2e-3)

@@ -15,7 +15,7 @@ from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import SCENARIOS, generate, parse_faults, prepare
 from tests.core.full.answers import errors_of
-from tests.core.full.joint.test_sensors import BENT
+from tests.core.full.joint.sensor_case import BENT
 
 _FAULTS = "materials=6mm"
 

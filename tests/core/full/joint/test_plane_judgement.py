@@ -24,15 +24,6 @@ from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
 
-#: As docs/how-it-works.md has them, one after the other, and what does each.
-STEPS = {
-    "coarse": solve.coarse_rounds,
-    "propagate": solve.propagated,
-    "planes": solve.with_new_planes,
-    "sensors": solve.with_sensors,
-    "settle": solve.settled,
-}
-
 
 @pytest.mark.parametrize("shaken", [True, False])
 def test_planes_are_not_judged_while_something_shakes_the_imu_unseen(

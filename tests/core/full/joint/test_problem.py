@@ -11,75 +11,26 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
 from calib_core.full.joint.first_estimate import bias_nodes
-from calib_core.full.joint.priors import Held, PriorRow, Priors, prior_rows
+from calib_core.full.joint.priors import Held, prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
-from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout
+from calib_core.full.joint.state import BiasNodes, Estimate
 from calib_core.geometry import plane_axes
-from calib_core.imu.preintegration import NoiseDensity, UpsampledImu, preintegrate
-from calib_core.solver.arrow import ArrowSolution, solve_arrow
+from calib_core.solver.arrow import solve_arrow
 from calib_core.solver.system import ArrowEquations, ArrowSystem
 from calib_core.types import FloatArray
+from tests.core.full.joint.misfit_problem import (
+    KNOTS,
+    LAYOUT,
+    OFFSET_S,
+    PLANES,
+    frame_held,
+    problem_of,
+    step_of,
+)
 
-KNOTS, PLANES, H_S = 7, 3, 0.05
-#: More nodes than a knot touches: what follows them comes earlier in its border.
-LAYOUT = Layout(nodes=4, planes=PLANES)
-OFFSET_S = 0.02
-DENSITY = NoiseDensity(np.full(3, 0.5), np.full(3, 2.0))
 #: Full-size steps of every kind of unknown, so that none hides behind another's units.
 _UNIT = 1e-5
-
-
-def _estimate(rng: np.random.Generator) -> Estimate:
-    R = [Rotation.random(rng=rng).as_matrix()]
-    while len(R) < KNOTS:
-        R.append(R[-1] @ Rotation.from_rotvec(0.05 * rng.normal(size=3)).as_matrix())
-    normals = rng.normal(size=(PLANES, 3))
-    return Estimate(
-        states=KnotStates(np.array(R), rng.normal(size=(KNOTS, 3)), rng.normal(size=(KNOTS, 3))),
-        R_imu_lidar=Rotation.random(rng=rng).as_matrix(),
-        p_imu_lidar=0.3 * rng.normal(size=3),
-        time_offset_s=OFFSET_S,
-        gravity=np.array([3.0, -4.0, 8.5]),
-        gyro_bias=0.05 * rng.normal(size=(LAYOUT.nodes, 3)),
-        accel_bias=0.2 * rng.normal(size=(LAYOUT.nodes, 3)),
-        normals=normals / np.linalg.norm(normals, axis=1, keepdims=True),
-        offsets_m=rng.uniform(1.0, 3.0, PLANES),
-    )
-
-
-def _problem(seed: int, *, delta_s: float = 0.0, unseen: int = 0) -> tuple[JointProblem, Estimate]:
-    """A problem in which nothing fits anything: residuals of every kind are large.
-
-    delta_s: the estimate's time offset less that for which the bins were made.   unseen: directions that no plane sees.
-    """
-    rng = np.random.default_rng(seed)
-    e = _estimate(rng)
-    if unseen:
-        across = np.linalg.qr(rng.normal(size=(3, 3)))[0][:, unseen:]
-        # Next to nothing, which counts where it is summed up.
-        flat = e.normals @ across @ across.T + 3e-4 * rng.normal(size=e.normals.shape)
-        e = replace(e, normals=flat / np.linalg.norm(flat, axis=1, keepdims=True))
-    links = KNOTS - 1
-    readings = UpsampledImu(
-        H_S * np.arange(KNOTS), H_S, rng.normal(size=(links, 4, 3)), 9.0 + rng.normal(size=(links, 4, 3)),
-        rng.normal(size=(KNOTS, 3)), rng.normal(size=(KNOTS, 3)), np.zeros((links, 6)), np.ones(links, bool),
-    )  # fmt: skip
-    times_s = np.linspace(readings.knots_s[0], readings.knots_s[-1], LAYOUT.nodes)
-    nodes = BiasNodes(times_s, np.arange(links) // 2, (np.arange(links) % 2 + 0.5) / 2)
-    bg, ba = nodes.at_links(e.gyro_bias), nodes.at_links(e.accel_bias)
-    pairs = np.array([(k, j) for k in range(KNOTS) for j in range(PLANES) if rng.random() < 0.7])
-    y = np.concatenate([rng.normal(size=(len(pairs), 9, 3)), np.ones((len(pairs), 9, 1))], axis=2)
-    # A centimetre for each: what three planes see, no direction is hidden from.
-    y = 100.0 * np.concatenate([y, 0.1 * rng.normal(size=(len(pairs), 9, 1))], axis=2)
-    bins = Bins(pairs[:, 0], pairs[:, 1], np.swapaxes(y, 1, 2) @ y, np.full(len(pairs), 9), OFFSET_S - delta_s)
-    rows = (PriorRow(0, 0.3, 0.5), PriorRow(2, -0.1, 0.2), PriorRow(4, 1.0, 0.4), PriorRow(6, 0.5, 0.3))
-    priors = Priors(e.R_imu_lidar, rows[:2], 9.8, 0.05, given=rows[2:], gyro_walk=0.3, accel_walk=0.7)
-    return JointProblem(readings, nodes, preintegrate(readings, bg, ba, DENSITY), bg, ba, bins, priors, 0), e
-
-
-def _step(knots: FloatArray, shared: FloatArray) -> ArrowSolution:
-    return ArrowSolution(knots.reshape(KNOTS, 9), shared, np.zeros((0, 0)), 0.0)
 
 
 def _stacked(problem: JointProblem, e: Estimate, about: Estimate) -> FloatArray:
@@ -102,29 +53,6 @@ def _stacked(problem: JointProblem, e: Estimate, about: Estimate) -> FloatArray:
         lidar.append(np.linalg.cholesky(scatter).T @ np.array([*(np.array(tips) - w), w, 1.0]))
     prior, _ = prior_rows(problem.priors, problem.nodes, e, LAYOUT)
     return np.concatenate([links.ravel(), np.concatenate(lidar), prior])
-
-
-def frame_held(problem: JointProblem, e: Estimate) -> FloatArray:
-    """What keeps the map frame in place, written out: the pose of the lidar at knot 0, differenced over every unknown."""
-    size = KNOTS * 9 + problem.layout(e).size
-    R0, p0 = e.states.R[0] @ e.R_imu_lidar, e.states.p[0] + e.states.R[0] @ e.p_imu_lidar
-
-    def pose(at: Estimate) -> FloatArray:
-        R, p = at.states.R[0] @ at.R_imu_lidar, at.states.p[0] + at.states.R[0] @ at.p_imu_lidar
-        return np.concatenate([Rotation.from_matrix(R0.T @ R).as_rotvec(), p - p0])
-
-    def moved(i: int, by: float) -> FloatArray:
-        step = by * np.eye(size)[i]
-        return pose(problem.moved(e, _step(step[: KNOTS * 9], step[KNOTS * 9 :])))
-
-    # Of fourth order: 1e8 takes eight digits.
-    h = 1e-3
-    columns = [
-        (8.0 * (moved(i, h) - moved(i, -h)) - (moved(i, 2.0 * h) - moved(i, -2.0 * h))) / (12.0 * h)
-        for i in range(size)
-    ]
-    J = np.array(columns).T
-    return np.asarray(1e8 * J.T @ J)
 
 
 def _numerical_jacobian(problem: JointProblem, e: Estimate) -> FloatArray:
@@ -168,7 +96,7 @@ def test_normal_equations_are_those_of_the_stacked_residuals(seed: int, delta_s:
     With delta the gyro bias also turns the pose that a bin asks for, by delta times as much: left out, and so here. Where no
     plane sees a direction, all but one knot are held along it, and links say nothing of it.
     """
-    problem, e = _problem(seed, delta_s=delta_s, unseen=unseen)
+    problem, e = problem_of(seed, delta_s=delta_s, unseen=unseen)
     r, J = _stacked(problem, e, e), _numerical_jacobian(problem, e)
     assert problem.cost(e) == pytest.approx(0.5 * r @ r)
     H, g = _written_out(problem.linearise(e))
@@ -199,13 +127,13 @@ def test_gradient_is_the_derivative_of_the_cost() -> None:
 
     Twenty random directions over all kinds of unknowns at once.
     """
-    problem, e = _problem(3)
+    problem, e = problem_of(3)
     _, g = _written_out(problem.linearise(e))
     rng = np.random.default_rng(4)
     for _ in range(20):
         way = rng.normal(size=len(g))
         forth, back = (
-            problem.cost(problem.moved(e, _step(s * way[: KNOTS * 9], s * way[KNOTS * 9 :]))) for s in (1e-6, -1e-6)
+            problem.cost(problem.moved(e, step_of(s * way[: KNOTS * 9], s * way[KNOTS * 9 :]))) for s in (1e-6, -1e-6)
         )
         assert (forth - back) / 2e-6 == pytest.approx(g @ way, rel=1e-5)
 
@@ -213,7 +141,7 @@ def test_gradient_is_the_derivative_of_the_cost() -> None:
 @pytest.mark.parametrize("delta_s", [0.0, 0.01])
 def test_bin_jacobian_column_by_column(delta_s: float) -> None:
     """Fails when phi is not carried across the delay (no exp(omega delta)), or the velocity's column is + delta n."""
-    problem, e = _problem(5, delta_s=delta_s)
+    problem, e = problem_of(5, delta_s=delta_s)
     J = problem.lidar.bins_seen(e)[1]
     starts = {0: 0, 9: LAYOUT.size}
     assert starts[9] == LAYOUT.size
@@ -228,7 +156,7 @@ def test_bin_jacobian_column_by_column(delta_s: float) -> None:
             else:
                 for j in range(PLANES):
                     shared[LAYOUT.plane(j).start + column - 16] = sign * _UNIT
-            values.append(problem.lidar.planes_seen(problem.moved(e, _step(knots, shared)))[:, :4])
+            values.append(problem.lidar.planes_seen(problem.moved(e, step_of(knots, shared)))[:, :4])
         numerical = (values[0] - values[1]) / (2 * _UNIT)
         np.testing.assert_allclose(J[:, :, column], numerical, atol=1e-7, err_msg=str(column))
 
@@ -239,13 +167,13 @@ def test_prior_rows_are_differenced_too() -> None:
 
     The rotation prior about its own reference, where the solve holds it.
     """
-    problem, e = _problem(6)
+    problem, e = problem_of(6)
     aslant = Held(np.array([0.3, -0.2, 0.1, 0.5, 0.4, -0.6, 0.2]), 0.05, 0.1)
     problem = replace(problem, priors=replace(problem.priors, held=(aslant,)))
     residual, J = prior_rows(problem.priors, problem.nodes, e, LAYOUT)
     assert J.shape == (len(residual), LAYOUT.size)
     for column in range(LAYOUT.size):
-        steps = (_step(np.zeros(KNOTS * 9), s * _UNIT * np.eye(LAYOUT.size)[column]) for s in (1, -1))
+        steps = (step_of(np.zeros(KNOTS * 9), s * _UNIT * np.eye(LAYOUT.size)[column]) for s in (1, -1))
         forth, back = (prior_rows(problem.priors, problem.nodes, problem.moved(e, step), LAYOUT)[0] for step in steps)
         np.testing.assert_allclose(J[:, column], (forth - back) / (2 * _UNIT), atol=1e-6)
 
@@ -255,7 +183,7 @@ def test_priors_say_what_they_are_told() -> None:
 
     One by one: rotation, translation and time rows; gravity's magnitude; the first node; the steps between nodes.
     """
-    problem, e = _problem(7)
+    problem, e = problem_of(7)
     residual, _ = prior_rows(problem.priors, problem.nodes, e, LAYOUT)
     span = problem.nodes.times_s[1] - problem.nodes.times_s[0]
     expected = [-0.3 / 0.5, 0.1 / 0.2, (e.p_imu_lidar[1] - 1.0) / 0.4, (OFFSET_S - 0.5) / 0.3]
@@ -270,10 +198,10 @@ def test_priors_say_what_they_are_told() -> None:
 
 def test_moving_moves_each_kind_of_unknown_in_its_own_way() -> None:
     """Fails when a normal is not normalised, a plane's two turns act along each other's axis, or gravity grows by turning."""
-    problem, e = _problem(8)
+    problem, e = problem_of(8)
     rng = np.random.default_rng(9)
     knots, shared = rng.normal(size=(KNOTS, 9)), 0.1 * rng.normal(size=LAYOUT.size)
-    m = problem.moved(e, _step(knots, shared))
+    m = problem.moved(e, step_of(knots, shared))
     np.testing.assert_allclose(m.R_imu_lidar, e.R_imu_lidar @ Rotation.from_rotvec(shared[:3]).as_matrix(), atol=1e-13)
     np.testing.assert_allclose(m.p_imu_lidar, e.p_imu_lidar + shared[3:6])
     assert m.time_offset_s == e.time_offset_s + shared[6]
@@ -303,7 +231,7 @@ def test_the_map_frame_is_free() -> None:
 
     Law: turning and shifting map, planes and gravity together changes no cost.
     """
-    problem, e = _problem(10, delta_s=0.003)
+    problem, e = problem_of(10, delta_s=0.003)
     R, t = Rotation.from_rotvec([0.5, -1.0, 0.8]).as_matrix(), np.array([4.0, -2.0, 7.0])
     normals = e.normals @ R.T
     moved = replace(
@@ -318,7 +246,7 @@ def test_the_map_frame_is_free() -> None:
 
 def test_the_lidar_at_the_gauge_knot_and_frozen_columns_stay() -> None:
     """Fails when the gauge's weight is on another knot, or on the IMU, or a frozen column keeps its border."""
-    problem, e = _problem(11)
+    problem, e = problem_of(11)
     frozen = (6, LAYOUT.plane(1).start)
     held = replace(problem, gauge_knot=3, frozen=frozen)
     solution = solve_arrow(held.linearise(e), damping=1e-9)
@@ -346,7 +274,7 @@ def test_a_part_has_the_columns_that_its_links_touch() -> None:
 
     Mutations: without the last link's node on the right; of all nodes.
     """
-    problem, e = _problem(0)
+    problem, e = problem_of(0)
     assert [problem.nodes.window(*links) for links in ((0, 1), (1, 3), (2, 6), (5, 6))] == [
         (0, 2),
         (0, 3),
@@ -390,7 +318,7 @@ def test_parts_put_together_are_the_whole(edges: tuple[int, ...], unseen: int) -
     Mutations: a link into a part counted in its corner too; not counted in its first knot; the coupling of the first knot with
     the one before it left out; the gauge knot held in each part; its bins' knots counted from its first bin's.
     """
-    problem, e = _problem(4, delta_s=0.004, unseen=unseen)
+    problem, e = problem_of(4, delta_s=0.004, unseen=unseen)
     b, seen = problem.bins, problem.bins.knot != 3
     bins = replace(b, knot=b.knot[seen], plane=b.plane[seen], scatter=b.scatter[seen], count=b.count[seen])
     problem = replace(problem, bins=bins)
@@ -427,7 +355,7 @@ def test_the_border_times_columns_is_what_it_is_written_out(
     taken from the links; the frame's hold left out, or there where something else holds it; all bins on the first plane.
     """
     monkeypatch.setattr("calib_core.full.joint.equations.CHAIN", replace(CHAIN, knots_at_once=at_once))
-    problem, e = _problem(5, delta_s=0.004, unseen=unseen)
+    problem, e = problem_of(5, delta_s=0.004, unseen=unseen)
     equations = replace(problem, **held).linearise(e)
     columns = np.random.default_rng(6).normal(size=(LAYOUT.size, 2))
     expected = ArrowSystem.of(equations).border @ columns
@@ -447,7 +375,7 @@ def test_the_gradient_alone_is_that_of_the_whole(
     shares exchanged; a second bin at a knot left out.
     """
     monkeypatch.setattr("calib_core.full.joint.equations.CHAIN", replace(CHAIN, knots_at_once=at_once))
-    problem, e = _problem(5, delta_s=0.004, unseen=unseen)
+    problem, e = problem_of(5, delta_s=0.004, unseen=unseen)
     equations = replace(problem, **held).linearise(e)
     whole = ArrowSystem.of(equations)
     knots, shared = equations.pulls()

@@ -36,8 +36,8 @@ from calib_core.simulate.scenarios import named
 from calib_core.simulate.sensors import Spinning
 from calib_core.types import FloatArray
 from tests.core.full.joint.conftest import Half
-from tests.core.full.joint.test_problem import _problem
-from tests.core.full.joint.test_sensors import BENT
+from tests.core.full.joint.misfit_problem import problem_of
+from tests.core.full.joint.sensor_case import BENT
 
 RULES = FULL.tones
 
@@ -103,7 +103,7 @@ def test_where_a_tone_may_be() -> None:
 def test_chance_has_a_mean_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Residuals drawn as the links' own covariance has them. Mutations: the score not scaled by the information, or by that of
     the other channels; no taper in the scale."""
-    problem, estimate = _problem(3)
+    problem, estimate = problem_of(3)
     drawn = np.random.default_rng(5)
     whole = tones.link_factors
 
