@@ -16,13 +16,9 @@ everything else         500   a defect: logged with its traceback, told without 
 
 from __future__ import annotations
 
-import errno
-
 from app.schemas.common import ErrorDetails, ErrorFacts
 from calib_core.errors import TopicError, UnsweepError
 
-#: The disk is full, or the share of it that this user may have.
-DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
 DEFECT_TEXT = "The program itself failed here; the server's log has the details. Please report it and try again."
 
 

@@ -15,8 +15,8 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from app.errors import DISK_FULL
 from app.schemas.common import ErrorFacts
+from calib_core.errors import DISK_FULL
 
 #: A job that may have less than this ends before it has an answer for an ordinary recording.
 LEAST_MEMORY_BYTES = 2**30

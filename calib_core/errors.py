@@ -16,6 +16,11 @@ Every sentence has four parts: what was expected, what was found, where, what to
 
 from __future__ import annotations
 
+import errno
+
+#: An OSError's numbers: the disk is full, or the share of it that this user may have.
+DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
+
 
 class UnsweepError(Exception):
     """Anything raised on purpose. `code` is stable and dotted; str() is one sentence for a person."""

@@ -7,7 +7,6 @@ from time to time its pages are given back: they stay in the system's cache for 
 
 from __future__ import annotations
 
-import errno
 import mmap
 import tempfile
 import weakref
@@ -16,13 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from calib_core.errors import DISK_FULL
+
 #: Room for the first parts; each time there is too little, twice as much.
 _FIRST_BYTES = 2**20
 #: A column that is larger goes to a file: that of a few minutes.
 _IN_MEMORY_BYTES = 64 * 2**20
 #: So much is gone through before the pages of all files are given back.
 _HELD_BYTES = 32 * 2**20
-_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 class Growing:
@@ -69,7 +69,7 @@ class _Column:
                 self._store.append(data)
                 return
             except OSError as error:
-                if error.errno not in _FULL:
+                if error.errno not in DISK_FULL:
                     raise
                 self._has_disk = False
                 if isinstance(self._store, _InFile):

@@ -12,10 +12,10 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 
-from app.errors import DISK_FULL, ApiError, DiskFull, TooMany, Unavailable, facts_of
+from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from app.settings import AppSettings
-from calib_core.errors import UnsweepError
+from calib_core.errors import DISK_FULL, UnsweepError
 from calib_core.validation_messages import misfit
 
 _LOG = logging.getLogger("unsweep")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import itertools
 from collections import deque
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib_core.errors import Cancelled, InputError, UnreadableRecording
+from calib_core.errors import DISK_FULL, Cancelled, InputError, UnreadableRecording
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.phrasing import counted
 from calib_core.readers.clouds.cloud import RawCloud
@@ -247,7 +246,7 @@ class Reading:
         try:
             yield
         except OSError as error:
-            if error.errno != errno.ENOSPC:
+            if error.errno not in DISK_FULL:
                 raise
             raise InputError(
                 f"The disk that holds temporary files is full after {counted(index, 'scan')} of {self.recording.name};"

@@ -17,12 +17,10 @@ from calib_core.factors.laser_kernels import add_ones_kernel
 from calib_core.factors.lidar_plane import move_and_sum
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.sensor_state import SensorState
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import Bins, Estimate, no_bins
 from calib_core.growing import Growing
 from calib_core.types import BoolArray, FloatArray, IntArray
-
-#: Clusters of lasers that are gone through at a time: some megabytes of them.
-_AT_ONCE = 65536
 
 
 @dataclass(frozen=True)
@@ -145,8 +143,8 @@ def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:
     if len(lasers.laser) == 0:
         return scatter
     sums = np.zeros((len(scatter), 4))
-    for first in range(0, len(lasers.laser), _AT_ONCE):
-        add_ones_kernel(lasers.clusters(first, first + _AT_ONCE), sums)
+    for first in range(0, len(lasers.laser), CHAIN.clusters_at_once):
+        add_ones_kernel(lasers.clusters(first, first + CHAIN.clusters_at_once), sums)
     some = sums[:, 3] > 0.0
     shift = np.zeros((len(scatter), 3))
     shift[some] = sums[some, :3] / sums[some, 3, None] - scatter[some, 3, :3] / scatter[some, 3, 3, None]

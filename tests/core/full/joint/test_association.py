@@ -227,7 +227,7 @@ def test_bins_are_moved_to_the_mean_of_their_lasers_points(at_once: int, monkeyp
     Mutations: the other side moved by what was there before; rows not; bins without lasers moved too; of clusters in parts
     the last ones left out.
     """
-    monkeypatch.setattr(moments, "_AT_ONCE", at_once)
+    monkeypatch.setattr(moments, "CHAIN", replace(moments.CHAIN, clusters_at_once=at_once))
     rng = np.random.default_rng(4)
     y = rng.normal(size=(3, 7, 5))
     y[:, :, 3] = 1.0
