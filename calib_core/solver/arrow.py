@@ -162,8 +162,8 @@ def _eliminated(equations: ArrowEquations, damping: float, *, for_steps: bool = 
         piece = _eliminated_piece(equations, damping, is_free, edges[k], edges[k + 1])
         if piece is None or for_steps:
             return piece
-        # What the knots between pieces ask of it.
-        return replace(piece[0], L=piece[0].L[:0], M=piece[0].M[:0]), piece[1]
+        # What the knots between pieces ask of it: a part of an array would keep all of it.
+        return replace(piece[0], L=_NONE, M=_NONE), piece[1]
 
     tasks = range(pieces)
     done = workers().map(one, tasks) if pieces > 1 else map(one, tasks)

@@ -61,8 +61,17 @@ def true_readings(readings: UpsampledImu, sensors: SensorState, R: FloatArray) -
     return ideal
 
 
-def sensor_columns(sensors: SensorState, readings: UpsampledImu, R: FloatArray, clock_middle_s: float) -> SensorColumns:
-    """The columns where the readings are corrected for these values. R: (K, 3, 3) the IMU's attitudes at the knots."""
+def sensor_columns(
+    sensors: SensorState,
+    readings: UpsampledImu,
+    R: FloatArray,
+    clock_middle_s: float,
+    imu: BiasEquivalents | None = None,
+) -> SensorColumns:
+    """The columns where the readings are corrected for these values. R: (K, 3, 3) the IMU's attitudes at the knots.
+
+    imu: of the IMU's own parameters, where they are at hand.
+    """
     nuisance = sensors.blocks
     if not nuisance.blocks:
         return SensorColumns()
@@ -76,7 +85,8 @@ def sensor_columns(sensors: SensorState, readings: UpsampledImu, R: FloatArray, 
                 places.append(start + k)
                 picked.append(at + k)
         at += len(NAMES[block])
-    imu = bias_equivalents(readings, sensors.imu(), np.array(picked, np.int64))
+    if imu is None or not imu.own.size:
+        imu = bias_equivalents(readings, sensors.imu(), np.array(picked, np.int64))
     first = nuisance.start(TONE)
     places.extend(range(first, first + tones.size))
     columns = ToneColumns()

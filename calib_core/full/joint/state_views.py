@@ -88,11 +88,11 @@ def problem_of(data: JointData, state: Estimation) -> JointProblem:
     return replace(problem, frozen=frozen_columns(data, problem, e))
 
 
-def widened(data: JointData, problem: JointProblem, state: Estimation) -> JointProblem:
-    """The problem for a state with more of the sensors' parameters among its unknowns, none of which is of any size yet: the
-    readings, their links and what is gathered stay as they are."""
-    e = state.estimate
-    sensors = sensor_columns(e.sensors, problem.readings, e.states.R, data.run.clocks.middle_s)
+def with_tones_beside(data: JointData, problem: JointProblem, state: Estimation) -> JointProblem:
+    """The problem for a state with tones among its unknowns that were not there, none of which is of any size yet: the readings,
+    their links, what else the IMU has and what is gathered stay as they are."""
+    e, imu = state.estimate, problem.sensors.imu
+    sensors = sensor_columns(e.sensors, problem.readings, e.states.R, data.run.clocks.middle_s, imu)
     return replace(problem, priors=state.priors, sensors=sensors)
 
 

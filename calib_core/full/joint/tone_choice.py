@@ -18,7 +18,7 @@ import numpy as np
 
 from calib_core.full.joint.estimation import Estimation, JointData
 from calib_core.full.joint.problem import JointProblem
-from calib_core.full.joint.state_views import widened
+from calib_core.full.joint.state_views import with_tones_beside
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, TONE
 from calib_core.imu.tones import PARAMETERS
 from calib_core.solver.arrow import NotPositiveDefinite, solve_shared
@@ -67,7 +67,7 @@ def explaining(data: JointData, problem: JointProblem, toned: Estimation, count:
 
     toned: the problem's state with all of them among the unknowns too, at no size yet.
     """
-    problem = widened(data, problem, toned)
+    problem = with_tones_beside(data, problem, toned)
     problem = replace(problem, frozen=(*problem.frozen, *laser_columns(toned, problem)))
     try:
         S, g = solve_shared(problem.linearise(toned.estimate))
