@@ -20,7 +20,13 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from calib_core.full.assess.influence import FactorInfluences, Influences, factor_influences, parameter_influences
+from calib_core.full.assess.influence import (
+    Clustering,
+    FactorInfluences,
+    Influences,
+    factor_influences,
+    parameter_influences,
+)
 from calib_core.full.assess.settings import PARTS
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.estimation import MapPlane
@@ -30,6 +36,9 @@ from calib_core.full.joint.undetermined import UNDETERMINED
 from calib_core.solver.arrow import Eliminated
 from calib_core.solver.information import covariance as inverse_of
 from calib_core.types import BoolArray, FloatArray, IntArray
+
+#: Each plane in each stretch of time: what `planes_at_once` asks, and no way of taking a recording apart.
+_AT_ONCE = "at once"
 
 
 @dataclass(frozen=True)
@@ -78,20 +87,17 @@ class _Ways:
     planes: int
     space: dict[str, IntArray]
 
-    def at_once(self) -> tuple[IntArray, IntArray]:
-        """Which plane in which stretch of time each bin is of, (B,) from 0, and of each of these `planes` times the stretch's
-        number and the plane's.
-        """
-        number, which = np.unique(self.block[self.knot] * self.planes + self.plane, return_inverse=True)
-        return which, number
-
     def clusters(self, of: FactorInfluences) -> dict[str, Influences]:
-        """Each way of it."""
-        links = of.links.summed(self.block[:-1], PARTS.time_blocks)
-        bins = of.bins.summed(self.block[self.knot], PARTS.time_blocks)
-        clusters = {"time": Influences(links.moved + bins.moved, links.allowed + bins.allowed)}
-        clusters |= {name: of.bins.summed(*numbered(key)) for name, key in self.space.items()}
-        clusters["planes"] = of.bins.summed(self.plane, self.planes)
+        """Each way of it, and "at once": of each plane in each stretch of time, by stretch and plane."""
+        block = self.block[self.knot]
+        ways = {"time": Clustering(block, PARTS.time_blocks)}
+        ways |= {name: numbered(key) for name, key in self.space.items()}
+        ways["planes"] = Clustering(self.plane, self.planes)
+        ways[_AT_ONCE] = Clustering(block * self.planes + self.plane, PARTS.time_blocks * self.planes)
+        clusters = dict(zip(ways, of.of_bins(list(ways.values())), strict=True))
+        (links,) = of.of_links([Clustering(self.block[:-1], PARTS.time_blocks)])
+        bins = clusters["time"]
+        clusters["time"] = Influences(links.moved + bins.moved, links.allowed + bins.allowed)
         if len(of.lasers.moved):
             clusters["lasers"] = of.lasers
         return clusters
@@ -112,9 +118,10 @@ def take_apart(
     ways, ranges_m = _ways(problem, estimate)
     knots_s = problem.readings.knots_s
     starts_s = knots_s[np.minimum(np.searchsorted(ways.block, np.arange(PARTS.time_blocks)), len(knots_s) - 1)]
-    of_planes, number = ways.at_once()
-    at_once = planes_at_once(of.bins.summed(of_planes, len(number)), number // ways.planes, of.covariance)
-    return Apart(ways.clusters(of), of.covariance, np.append(starts_s, knots_s[-1]), ranges_m, at_once)
+    clusters = ways.clusters(of)
+    stretch = np.arange(PARTS.time_blocks).repeat(ways.planes)
+    at_once = planes_at_once(clusters.pop(_AT_ONCE), stretch, of.covariance)
+    return Apart(clusters, of.covariance, np.append(starts_s, knots_s[-1]), ranges_m, at_once)
 
 
 def planes_at_once(clusters: Influences, block: IntArray, joint: FloatArray) -> float:
@@ -157,7 +164,9 @@ def unexplained_variance(
     beyond = {each.name for each in found if each.is_beyond_noise}
     lacking = np.zeros(len(columns))
     for some, of in parameter_influences(problem, estimate, columns, told_apart):
-        for name, clusters in ways.clusters(of).items():
+        by_way = ways.clusters(of)
+        by_way.pop(_AT_ONCE, None)
+        for name, clusters in by_way.items():
             excess = np.sum(clusters.moved**2 - clusters.allowed, axis=0)
             if name not in beyond:
                 excess = np.where(_is_beyond_noise(clusters, len(lacking)), excess, 0.0)
@@ -207,10 +216,10 @@ def roots(covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
     return vectors[:, known] / std, vectors[:, known] * std
 
 
-def numbered(key: IntArray) -> tuple[IntArray, int]:
+def numbered(key: IntArray) -> Clustering:
     """Any keys (F,) as numbers from 0, and how many there are."""
     _, number = np.unique(key, return_inverse=True)
-    return number, int(number.max(initial=-1)) + 1
+    return Clustering(number, int(number.max(initial=-1)) + 1)
 
 
 def _ways(problem: JointProblem, estimate: Estimate) -> tuple[_Ways, FloatArray]:

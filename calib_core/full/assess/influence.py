@@ -17,8 +17,9 @@ lets it pull by W (Q' m + F' f)(..)', exactly. What is off in a laser is off in 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, Estimate, Layout
 from calib_core.full.joint.undetermined import UNITS
+from calib_core.imu.preintegration import Links
 from calib_core.solver.arrow import Eliminated, NotPositiveDefinite
 from calib_core.threads import workers
 from calib_core.types import FloatArray, IntArray
@@ -59,31 +61,25 @@ class Influences:
         of_each = (unknowns,) if alone else (unknowns, unknowns)
         return Influences(np.zeros((factors, unknowns)), np.zeros((factors, *of_each)))
 
-    def summed(self, cluster: IntArray, count: int) -> Influences:
-        """By cluster: (F,) numbers below `count`, negative for none."""
-        out = Influences.none(count, self.moved.shape[1], alone=self.allowed.ndim == self.moved.ndim)
-        for own, total in ((self.moved, out.moved), (self.allowed, out.allowed)):
-            sum_by_kernel(own.reshape(len(cluster), -1), cluster, total.reshape(count, -1))
-        return out
+    def add_by(self, cluster: IntArray, part: Influences) -> None:
+        """Adds those of a part's factors (F,) to these, by their numbers among them: negative for none."""
+        for own, total in ((part.moved, self.moved), (part.allowed, self.allowed)):
+            sum_by_kernel(own.reshape(len(cluster), -1), cluster, total.reshape(len(total), -1))
 
 
-@dataclass(frozen=True)
-class FactorInfluences:
-    """links: one a link.   bins: one a bin, its lasers' part included.   lasers: one a laser, none where they are not told
-    apart.   covariance: (N, N) of the unknowns, in their units.
-    """
+class Clustering(NamedTuple):
+    """Which of so many clusters each of F factors is of: (F,) numbers below `size`, negative for none."""
 
-    links: Influences
-    bins: Influences
-    lasers: Influences
-    covariance: FloatArray
+    of: IntArray
+    size: int
 
 
 @dataclass(frozen=True)
 class _Responses:
     """What one unit of N unknowns' columns of H^-1 does to all of a problem. along: (K, 9, N).   border: (S, N).
 
-    alone: what noise allows is asked of each unknown by itself.
+    links, changes: the problem's links, as far as some plane sees them, and their biases' changes.   alone: what noise allows is
+    asked of each unknown by itself.
     """
 
     problem: JointProblem
@@ -91,6 +87,8 @@ class _Responses:
     layout: Layout
     along: FloatArray
     border: FloatArray
+    links: Links
+    changes: tuple[FloatArray, FloatArray]
     alone: bool
 
     @property
@@ -103,6 +101,48 @@ class _Responses:
         if self.alone:
             return np.asarray(np.einsum("fmn,fmn->fn", response, response))
         return np.asarray(np.swapaxes(response, 1, 2) @ response)
+
+
+@dataclass(frozen=True)
+class FactorInfluences:
+    """Of every factor, summed as it is asked for: of ten minutes those of single ones would be the most memory of an assessment.
+
+    lasers: one a laser, none where they are not told apart.   covariance: (N, N) of the unknowns, in their units.
+    """
+
+    responses: _Responses
+    lasers: Influences
+    covariance: FloatArray
+
+    def of_links(self, ways: Sequence[Clustering]) -> list[Influences]:
+        """Summed by each way of clustering the links. Raises NotPositiveDefinite."""
+        return self._summed(
+            ways, len(self.responses.links.Dv), lambda first, last: _of_links(self.responses, first, last)
+        )
+
+    def of_bins(self, ways: Sequence[Clustering]) -> list[Influences]:
+        """Summed by each way of clustering the bins, whose lasers' part is included. Raises NotPositiveDefinite."""
+        of = self.responses
+        rates, seen = of.problem.lidar.rates(of.estimate), _features(of.problem.lidar, of)
+        return self._summed(ways, len(of.along), lambda first, last: _of_bins(of, first, last, rates, seen))
+
+    def _summed(
+        self, ways: Sequence[Clustering], count: int, part: Callable[[int, int], Influences]
+    ) -> list[Influences]:
+        """part: the influences of factors at knots first..last (exclusive) of so many."""
+        of = self.responses
+        totals = [Influences.none(way.size, of.unknowns, alone=of.alone) for way in ways]
+        edges = [*range(0, count, CHAIN.knots_at_once), count]
+        at = 0
+        for some in workers().map(part, edges[:-1], edges[1:]):
+            end = at + len(some.moved)
+            for total, way in zip(totals, ways, strict=True):
+                if end > at:
+                    total.add_by(way.of[at:end], some)
+            at = end
+        for total in totals:
+            _require_numbers(total)
+        return totals
 
 
 def factor_influences(
@@ -146,68 +186,56 @@ def parameter_influences(
 def _responses(
     problem: JointProblem, estimate: Estimate, along: FloatArray, border: FloatArray, *, alone: bool
 ) -> _Responses:
-    return _Responses(problem, estimate, problem.layout(estimate), along, border, alone)
+    links, changes = problem.seen_links(estimate), problem.bias_changes(estimate)
+    return _Responses(problem, estimate, problem.layout(estimate), along, border, links, changes, alone)
 
 
 def _influences(of: _Responses, told_apart: Iterable[ByLaser], covariance: FloatArray) -> FactorInfluences:
-    found = FactorInfluences(_of_links(of), _of_bins(of), _of_lasers(of, told_apart), covariance)
+    lasers = _of_lasers(of, told_apart)
+    _require_numbers(lasers)
+    return FactorInfluences(of, lasers, covariance)
+
+
+def _require_numbers(found: Influences) -> None:
     with np.errstate(over="ignore"):  # what is squared later
-        squares = [np.sum(each.allowed**2) for each in (found.links, found.bins, found.lasers)]
-    if not np.isfinite(squares).all():
-        raise NotPositiveDefinite("states follow the calibration beyond all numbers")
-    return found
+        if not np.isfinite(np.sum(found.allowed**2)):
+            raise NotPositiveDefinite("states follow the calibration beyond all numbers")
 
 
-def _of_links(of: _Responses) -> Influences:
-    problem, estimate, layout, along, border = of.problem, of.estimate, of.layout, of.along, of.border
-    changes, links = problem.bias_changes(estimate), problem.seen_links(estimate)
-    out = Influences.none(len(links.Dv), of.unknowns, alone=of.alone)
-
-    def one(first: int) -> None:
-        last = min(first + CHAIN.knots_at_once, len(links.Dv))
-        some = slice(first, last)
-        gyro, accel = link_biases(border, layout, problem.nodes, problem.sensors, (first, last))
-        states = estimate.states.part(first, last + 1)
-        f = link_factors(links.part(first, last), states, estimate.gravity, *(each[some] for each in changes))
-        response = (
-            f.r_D_first @ along[first:last]
-            + f.r_D_second @ along[first + 1 : last + 1]
-            + f.r_D_gravity @ border[GRAVITY]
-            + f.r_D_gyro_bias @ gyro
-            + f.r_D_accel_bias @ accel
-        )
-        out.moved[some] = -(np.swapaxes(response, 1, 2) @ f.residual[..., None])[..., 0]
-        out.allowed[some] = of.allowed(response)
-
-    list(workers().map(one, range(0, len(links.Dv), CHAIN.knots_at_once)))
-    return out
+def _of_links(of: _Responses, first: int, last: int) -> Influences:
+    """Of links first..last (exclusive)."""
+    problem, along, border = of.problem, of.along, of.border
+    gyro, accel = link_biases(border, of.layout, problem.nodes, problem.sensors, (first, last))
+    states, changes = of.estimate.states.part(first, last + 1), (each[first:last] for each in of.changes)
+    f = link_factors(of.links.part(first, last), states, of.estimate.gravity, *changes)
+    response = (
+        f.r_D_first @ along[first:last]
+        + f.r_D_second @ along[first + 1 : last + 1]
+        + f.r_D_gravity @ border[GRAVITY]
+        + f.r_D_gyro_bias @ gyro
+        + f.r_D_accel_bias @ accel
+    )
+    moved = -(np.swapaxes(response, 1, 2) @ f.residual[..., None])[..., 0]
+    return Influences(moved, of.allowed(response))
 
 
-def _of_bins(of: _Responses) -> Influences:
-    problem, bins = of.problem, of.problem.bins
-    out = Influences.none(len(bins.knot), of.unknowns, alone=of.alone)
-    rates = problem.lidar.rates(of.estimate)
+def _of_bins(
+    of: _Responses, first: int, last: int, rates: FloatArray, seen: tuple[FloatArray, FloatArray]
+) -> Influences:
+    """Of the bins at knots first..last (exclusive). rates: of all knots.   seen: what features follow, and have changed by."""
     # The parameters have moved since the points were laid out with them, and the residuals with the parameters.
-    F, change = _features(problem.lidar, of)
-    knots = len(of.along)
-
-    def one(first: int) -> None:
-        last = min(first + CHAIN.knots_at_once, knots)
-        some = slice(*(int(at) for at in np.searchsorted(bins.knot, (first, last))))
-        lidar = problem.lidar.between(first, last)
-        own, clusters = lidar.bins, lidar.bins.lasers
-        a, J = lidar.bins_seen(of.estimate, rates)
-        Q = _response(J, own.knot, own.plane, of)
-        moved, allowed = out.moved[some], out.allowed[some]
-        moved[:] = -(np.swapaxes(Q, 1, 2) @ (own.scatter[:, :4] @ a[..., None]))[..., 0]
-        by_scatter = own.scatter[:, :4, :4] @ Q
-        allowed[:] = np.einsum("fmn,fmn->fn", Q, by_scatter) if of.alone else np.swapaxes(Q, 1, 2) @ by_scatter
-        if len(clusters.laser):
-            add_influences_kernel(clusters.clusters(), a, Q, F, change, moved, allowed)
-            add_own_influences_kernel(clusters.bin, clusters.laser, clusters.gram, F, change, moved, allowed)
-
-    list(workers().map(one, range(0, knots, CHAIN.knots_at_once)))
-    return out
+    F, change = seen
+    lidar = of.problem.lidar.between(first, last)
+    own, clusters = lidar.bins, lidar.bins.lasers
+    a, J = lidar.bins_seen(of.estimate, rates)
+    Q = _response(J, own.knot, own.plane, of)
+    moved = -(np.swapaxes(Q, 1, 2) @ (own.scatter[:, :4] @ a[..., None]))[..., 0]
+    by_scatter = own.scatter[:, :4, :4] @ Q
+    allowed = np.einsum("fmn,fmn->fn", Q, by_scatter) if of.alone else np.swapaxes(Q, 1, 2) @ by_scatter
+    if len(clusters.laser):
+        add_influences_kernel(clusters.clusters(), a, Q, F, change, moved, allowed)
+        add_own_influences_kernel(clusters.bin, clusters.laser, clusters.gram, F, change, moved, allowed)
+    return Influences(moved, np.asarray(allowed))
 
 
 def _of_lasers(of: _Responses, told_apart: Iterable[ByLaser]) -> Influences:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import cast
 
@@ -19,7 +20,13 @@ from calib_core.full.assess.disagreement import (
     together,
     unexplained_variance,
 )
-from calib_core.full.assess.influence import Influences, factor_influences, parameter_influences
+from calib_core.full.assess.influence import (
+    Clustering,
+    FactorInfluences,
+    Influences,
+    factor_influences,
+    parameter_influences,
+)
 from calib_core.full.assess.kernels import add_influences_kernel, add_own_influences_kernel
 from calib_core.full.joint.by_laser import ByLaser
 from calib_core.full.joint.priors import prior_rows
@@ -44,6 +51,18 @@ def _solved() -> tuple[JointProblem, Estimate]:
     return case.problem, minimise(case.problem, case.estimate, max_iterations=2000, tolerance=1e-14).estimate
 
 
+def _links(of: FactorInfluences) -> Influences:
+    """Each by itself."""
+    count = len(of.responses.links.Dv)
+    return of.of_links([Clustering(np.arange(count), count)])[0]
+
+
+def _bins(of: FactorInfluences) -> Influences:
+    """Each by itself."""
+    count = len(of.responses.problem.bins.knot)
+    return of.of_bins([Clustering(np.arange(count), count)])[0]
+
+
 def _of_priors(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Response and residuals of the priors, and what the terms add that keep unseen states in place: (7, 7)."""
     system = problem.linearise(estimate)
@@ -63,13 +82,14 @@ def test_influences_sum_up_to_the_covariance_and_to_the_next_step() -> None:
     system = problem.linearise(estimate)
     stated = covariance(solve_arrow(system).information).matrix[:CALIBRATION, :CALIBRATION] / UNITS / UNITS[:, None]
     response, residual, kept = _of_priors(problem, estimate)
-    allowed = of.links.allowed.sum(axis=0) + of.bins.allowed.sum(axis=0) + response.T @ response + kept
+    links, bins = _links(of), _bins(of)
+    allowed = links.allowed.sum(axis=0) + bins.allowed.sum(axis=0) + response.T @ response + kept
     unit = 1.0 / np.sqrt(np.diag(stated))
     np.testing.assert_allclose(unit[:, None] * allowed * unit, unit[:, None] * stated * unit, atol=2e-3)
     # The step that all pulls together ask for is the Gauss-Newton step of the calibration.
-    moved = of.links.moved.sum(axis=0) + of.bins.moved.sum(axis=0) - response.T @ residual
+    moved = links.moved.sum(axis=0) + bins.moved.sum(axis=0) - response.T @ residual
     step = solve_arrow(system).step_shared[:CALIBRATION] / UNITS
-    size = np.abs(of.links.moved).sum(axis=0) + np.abs(of.bins.moved).sum(axis=0)
+    size = np.abs(links.moved).sum(axis=0) + np.abs(bins.moved).sum(axis=0)
     np.testing.assert_allclose((moved - step) / size, 0.0, atol=1e-6)
 
 
@@ -90,9 +110,14 @@ def test_what_is_beyond_all_numbers_is_no_covariance() -> None:
     told as one. Mutation: no look at the squares."""
     problem, estimate = _solved()
     at_hand = Eliminated.of(problem.linearise(estimate))
-    factor_influences(problem, estimate, eliminated=cast(Eliminated, _Amplified(at_hand, 1e20)))
+    asked: list[Callable[[FactorInfluences], object]] = [_links, _bins]
+    for ask in asked:
+        ask(factor_influences(problem, estimate, eliminated=cast(Eliminated, _Amplified(at_hand, 1e20))))
+        with pytest.raises(NotPositiveDefinite):
+            ask(factor_influences(problem, estimate, eliminated=cast(Eliminated, _Amplified(at_hand, 1e95))))
+    lasers = [ByLaser(problem.lidar, LASERS)]
     with pytest.raises(NotPositiveDefinite):
-        factor_influences(problem, estimate, eliminated=cast(Eliminated, _Amplified(at_hand, 1e95)))
+        factor_influences(problem, estimate, lasers, eliminated=cast(Eliminated, _Amplified(at_hand, 1e95)))
 
 
 def test_equations_at_hand_are_not_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -111,16 +136,16 @@ def test_equations_at_hand_are_not_made_again(monkeypatch: pytest.MonkeyPatch) -
         other = factor_influences(problem, estimate, eliminated=eliminated)
         assert len(made) == often
         np.testing.assert_allclose(other.covariance, own.covariance, rtol=1e-9)
-        np.testing.assert_allclose(other.links.moved, own.links.moved, rtol=1e-6, atol=1e-12)
+        np.testing.assert_allclose(_links(other).moved, _links(own).moved, rtol=1e-6, atol=1e-12)
 
 
 def test_factors_asked_for_a_few_knots_at_a_time_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mutations: each few the first ones; the last link left out; clusters counted from the first of all."""
     problem, estimate = Case(1).problem, Case(1).estimate
-    at_once = factor_influences(problem, estimate)
+    of = factor_influences(problem, estimate)
+    at_once = _links(of), _bins(of)
     monkeypatch.setattr("calib_core.full.assess.influence.CHAIN", replace(CHAIN, knots_at_once=3))
-    in_turn = factor_influences(problem, estimate)
-    for one, other in ((at_once.links, in_turn.links), (at_once.bins, in_turn.bins)):
+    for one, other in zip(at_once, (_links(of), _bins(of)), strict=True):
         np.testing.assert_allclose(other.moved, one.moved, rtol=1e-9, atol=1e-12 * np.abs(one.moved).max())
         np.testing.assert_allclose(other.allowed, one.allowed, rtol=1e-9, atol=1e-12 * np.abs(one.allowed).max())
 
@@ -199,7 +224,7 @@ def test_the_sensors_parameters_are_moved_like_the_seven(nuisance: Nuisance) -> 
     own, seven = layout.nuisance(), factor_influences(problem, e, lasers)
     ((some, first),) = parameter_influences(problem, e, np.arange(CALIBRATION), lasers)
     assert some.tolist() == list(range(CALIBRATION))
-    for one, other in ((first.links, seven.links), (first.bins, seven.bins), (first.lasers, seven.lasers)):
+    for one, other in ((_links(first), _links(seven)), (_bins(first), _bins(seven)), (first.lasers, seven.lasers)):
         np.testing.assert_allclose(one.moved, other.moved * UNITS, rtol=1e-8, atol=1e-12)
         diagonal = np.diagonal(other.allowed, axis1=1, axis2=2) * UNITS**2
         np.testing.assert_allclose(one.allowed, diagonal, rtol=1e-6, atol=1e-12 * diagonal.max())
@@ -212,10 +237,11 @@ def test_the_sensors_parameters_are_moved_like_the_seven(nuisance: Nuisance) -> 
     residual, jacobian = prior_rows(problem.priors, problem.nodes, e, layout)
     prior, planes = jacobian @ border, border[layout.every_plane()]
     kept = 1e-6 * np.sum(along**2, axis=(0, 1)) + 1e-4 * np.sum(planes**2, axis=0)
-    allowed = np.concatenate([of.links.allowed.sum(axis=0) + of.bins.allowed.sum(axis=0) for _, of in parts])
+    both = [(_links(of), _bins(of)) for _, of in parts]
+    allowed = np.concatenate([links.allowed.sum(axis=0) + bins.allowed.sum(axis=0) for links, bins in both])
     stated = np.diag(covariance(solution.information).matrix)[columns]
     np.testing.assert_allclose((allowed + np.sum(prior**2, axis=0) + kept) / stated, 1.0, atol=2e-3)
-    pulls = [np.concatenate([of.links.moved, of.bins.moved]) for _, of in parts]
+    pulls = [np.concatenate([links.moved, bins.moved]) for links, bins in both]
     moved = np.concatenate([each.sum(axis=0) for each in pulls]) - prior.T @ residual
     size = np.concatenate([np.abs(each).sum(axis=0) for each in pulls])
     np.testing.assert_allclose((moved - solution.step_shared[columns]) / size, 0.0, atol=1e-5)
@@ -373,7 +399,9 @@ def test_influences_are_summed_cluster_by_cluster(alone: bool) -> None:
     rng = np.random.default_rng(4)
     moved, allowed = rng.normal(size=(50, 7)), rng.normal(size=(50, 7) if alone else (50, 7, 7))
     cluster = rng.integers(-1, 4, size=50)
-    found = Influences(moved, allowed).summed(cluster, 5)
+    found = Influences.none(5, 7, alone=alone)
+    for some in (slice(20), slice(20, None)):
+        found.add_by(cluster[some], Influences(moved[some], allowed[some]))
     assert (cluster < 0).any()
     for k in range(5):
         np.testing.assert_allclose(found.moved[k], moved[cluster == k].sum(axis=0), atol=1e-12)

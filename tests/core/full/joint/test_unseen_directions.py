@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from calib_core.factors.imu import KnotStates, link_residuals
-from calib_core.full.assess.influence import factor_influences
+from calib_core.full.assess.influence import Clustering, factor_influences
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, GRAVITY, BiasNodes, Bins, Estimate
@@ -258,6 +258,8 @@ def test_influences_are_those_of_links_as_they_are_seen() -> None:
     planes, u = border[layout.every_plane()], e.normals[2]
     drift = np.concatenate([np.delete(u @ along[:, 3:6], problem.gauge_knot, axis=0), u @ along[:, 6:]])
     held = 1e-6 * np.einsum("kia,kib->ab", along, along) + 1e-4 * planes.T @ planes + 1e4 * drift.T @ drift
-    allowed = of.links.allowed.sum(axis=0) + of.bins.allowed.sum(axis=0) + prior.T @ prior + held
+    counts = len(problem.links.Dv), len(problem.bins.knot)
+    in_one = [[Clustering(np.zeros(count, np.int64), 1)] for count in counts]
+    allowed = of.of_links(in_one[0])[0].allowed[0] + of.of_bins(in_one[1])[0].allowed[0] + prior.T @ prior + held
     unit = 1.0 / np.sqrt(np.diag(stated))
     np.testing.assert_allclose(unit[:, None] * allowed * unit, unit[:, None] * stated * unit, atol=5e-3)
