@@ -111,13 +111,11 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     """Micro-bins moved to their nearest knots under the current motion and summed: one bin a knot and plane."""
     # One pose a slice, shared by the planes seen in it.
     time_s, of_slice = _instants(micro.time_s)
-    imu_s = time_s - estimate.time_offset_s
     # With lasers told apart, slices stay with the knots that their lasers' moments were put together for.
-    knot = motion.nearest_knot(imu_s if micro.lasers is None else time_s - micro.time_offset_s)
-    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    R, p = poses.seen_from(knots, knot)
-    use = np.flatnonzero(poses.usable[of_slice])
+    offset_s = estimate.time_offset_s if micro.lasers is None else micro.time_offset_s
+    knot = motion.nearest_knot(time_s - offset_s)
+    R, p, usable = to_knots(time_s, knot, motion, estimate)
+    use = np.flatnonzero(usable[of_slice])
     of_slice = of_slice[use]
     n_planes = len(estimate.normals)
     key = knot[of_slice] * n_planes + micro.plane[use]
@@ -131,6 +129,21 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
         lasers = gather_lasers(micro.lasers, motion, estimate, micro.time_offset_s, keys)
         scatter = agreeing(scatter, lasers)
     return Bins(keys // n_planes, keys % n_planes, scatter, count, estimate.time_offset_s, lasers, laid_out_at)
+
+
+def to_knots(
+    time_s: FloatArray, knot: IntArray, motion: Motion, estimate: Estimate
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """What takes hits of instants of the lidar's clock (S,) to their knots (S,): R (S, 3, 3), p (S, 3); and whether the motion is
+    known there, (S,). Some instants at a time: whole, their poses would be most of what gathering holds."""
+    R, p, usable = np.empty((len(knot), 3, 3)), np.empty((len(knot), 3)), np.empty(len(knot), np.bool_)
+    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+    for first in range(0, len(knot), CHAIN.clusters_at_once):
+        some = slice(first, first + CHAIN.clusters_at_once)
+        poses = motion.lidar_at(time_s[some] - estimate.time_offset_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
+        R[some], p[some] = poses.seen_from(knots, knot[some])
+        usable[some] = poses.usable
+    return R, p, usable
 
 
 def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:
@@ -164,13 +177,10 @@ def gather_lasers(
     ascending; they are of the same points.
     """
     time_s, of_group = _instants(micro.time_s)
-    imu_s = time_s - estimate.time_offset_s
     knot = motion.nearest_knot(time_s - time_offset_s)
-    poses = motion.lidar_at(imu_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
-    R, p = poses.seen_from(knots, knot)
+    R, p, usable = to_knots(time_s, knot, motion, estimate)
     key = knot[of_group] * len(estimate.normals) + micro.sums.plane
-    use = in_order(key, poses.usable[of_group])
+    use = in_order(key, usable[of_group])
     if use is not None:
         micro, key, of_group = micro.part(use), key[use], of_group[use]
     sums = micro.sums

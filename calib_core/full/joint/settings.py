@@ -41,8 +41,8 @@ class Chain:
     #: derived: knots whose links' and bins' Jacobians are there at the same time on one thread: ten seconds of them, some
     #: megabytes. Memory, not the answer, depends on it.
     knots_at_once: int = 1024
-    #: derived: clusters of lasers' points that are gone through at a time, ten megabytes of them. Memory, not the answer, depends
-    #: on it.
+    #: derived: clusters of points, or instants, that are gone through at a time, ten megabytes of them. Memory, not the answer,
+    #: depends on it.
     clusters_at_once: int = 65_536
     #: data sheets: the worst parts in use (MPU-6050, unconfirmed) start up to 20 deg/s and 0.08 g off, within two of these:
     #: 11 deg/s, a tenth of gravity (1 sigma).

@@ -241,6 +241,19 @@ def test_bins_are_moved_to_the_mean_of_their_lasers_points(at_once: int, monkeyp
     np.testing.assert_allclose(agreeing(np.swapaxes(y, 1, 2) @ y, lasers), np.swapaxes(moved, 1, 2) @ moved, atol=1e-12)
 
 
+def test_instants_moved_some_at_a_time_say_the_same(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Mutations: the last ones left out; knots of the first ones."""
+    view = _view(*noisy)
+    micro = associate(view, SCANS, NOISE, GATE, None)
+    whole = gather(micro, view.motion, view.estimate)
+    monkeypatch.setattr(moments, "CHAIN", replace(moments.CHAIN, clusters_at_once=7))
+    parts = gather(micro, view.motion, view.estimate)
+    np.testing.assert_array_equal(parts.knot, whole.knot)
+    np.testing.assert_array_equal(parts.scatter, whole.scatter)
+
+
 def test_threads_change_nothing(noisy: tuple[Recording, Truth]) -> None:
     """Fails when results are put together in the order in which they are ready."""
     one, four = (associate(_view(*noisy, threads=n), SCANS, NOISE, GATE, None) for n in (1, 4))
