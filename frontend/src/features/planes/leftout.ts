@@ -8,9 +8,10 @@ export function lastSolve(runs: readonly Run[]): { run: Run; number: number } | 
 }
 
 const leftOut = /^(?:is )?(.*): left out$/;
-const doubted = /^(?:is )?(.*?), and counts all the same/;
+// Results of older versions say it in other words.
+const doubted = /^(?:is )?(.*?), (?:but is used because it was chosen|and counts all the same)/;
 /** The planes that a refusal names, each with what is wrong with it, between its first colon and what follows from them. */
-const named = /: (.*?)(?:, and the others do not face three ways)?(?:;|$)/;
+const named = /: (.*?)(?:, and the others do not face three (?:different directions|ways))?(?:;|$)/;
 
 /** What a refusal says of one plane; undefined where it does not name it. */
 function blamed(name: string, messages: CalibrationResult["messages"]): string | undefined {
@@ -31,7 +32,7 @@ export function cautionOf(patches: readonly Patch[], remarks: ReadonlyMap<number
   );
   if (culprits.length === 0) return "";
   const names = culprits.map(({ name }) => name).join(", ");
-  return `How well a solve would know the answer is not foreseen: ${names} ${culprits.length === 1 ? "counts" : "count"} though doubtful.`;
+  return `No forecast for this choice: ${names} ${culprits.length === 1 ? "is" : "are"} used though doubtful.`;
 }
 
 /** What seems wrong with a plane before a solve, as a remark on it. */

@@ -55,7 +55,7 @@ export function isOfSensors({ code, level }: Pick<CalibrationResult["messages"][
 
 /** Which of the sensors has to be named for surer numbers, as the control that does it is called; null where none has. */
 export function toName({ code, text }: Pick<CalibrationResult["messages"][number], "code" | "text">) {
-  const named = code === "sensor.priors" ? /naming the (IMU|lidar)/.exec(text)?.[1] : undefined;
+  const named = code === "sensor.priors" ? /nam(?:e|ing) the (IMU|lidar)/.exec(text)?.[1] : undefined;
   if (named === undefined) return null;
   return named === "IMU"
     ? { label: "Name the IMU", control: "imuNoise" }
