@@ -312,8 +312,6 @@ describe("what the last solve left out", () => {
       [0, "run 3 was refused for it: not flat"],
       [1, "run 3 was refused for it: did not stand still"],
     ]);
-    const older = refusal("planes.doubtful", "a: plane 9 is not flat, and the others do not face three ways; b");
-    expect([...remarksOf(planes.patches, solved, 3, older)]).toEqual([[0, "run 3 was refused for it: not flat"]]);
     const unsettled = refusal(
       "planes.unsettled",
       "the solve did not converge with the chosen planes: plane 3 is more than one surface; leave out what can move",

@@ -83,7 +83,7 @@ def say_uneven(data: JointData, state: Estimation, rules: Surfaces) -> None:
     data.run.say(
         "warning" if rough else "info",
         "planes.uneven",
-        f"the planes are not flat, by {two_digits(1e3 * unevenness_m(state))} mm from place to place{why}: their shape is "
+        f"the planes deviate from flat by {two_digits(1e3 * unevenness_m(state))} mm from place to place{why}: their shape is "
         f"estimated too, in {state.nuisance.patches} patches",
     )
 

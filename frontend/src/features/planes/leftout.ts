@@ -11,7 +11,7 @@ const leftOut = /^(?:is )?(.*): left out$/;
 // Results of older versions say it in other words.
 const doubted = /^(?:is )?(.*?), (?:but is used because it was chosen|and counts all the same)/;
 /** The planes that a refusal names, each with what is wrong with it, between its first colon and what follows from them. */
-const named = /: (.*?)(?:, and the others do not face three (?:different directions|ways))?(?:;|$)/;
+const named = /: (.*?)(?:;|$)/;
 
 /** What a refusal says of one plane; undefined where it does not name it. */
 function blamed(name: string, messages: CalibrationResult["messages"]): string | undefined {
