@@ -112,11 +112,11 @@ def _answer_of_whole_or_side(recording: Recording, question: Question) -> tuple[
     if found is None:
         return answer, recording, log
     side, side_log = without_spans(recording, [found.sides.left_out_s]), log.another(before)
-    side_log(found.told(f"only what lies {found.longer_in_words} is used"))
+    side_log(found.told(f"only the part {found.longer_in_words} is used"))
     # Nothing is kept of a side: the next solve begins with the whole again.
     of_side = _of_one_side(side, recording, replace(question, cache_dir=None, log=side_log))
     if of_side is None:
-        log(found.told("neither side alone gives an answer, and all of it is used, which is not to be relied on"))
+        log(found.told("neither part alone gives an answer, so all of it is used: do not rely on the answer"))
         return answer, recording, log
     if found.code == SILENT and disagrees(side_log):  # the silence was not why
         return answer, recording, log
@@ -186,6 +186,6 @@ def _check_reference(
         before, _ = find_reference(whole.scans, settings)
         at_s = (whole.scans[before].stamp_ns - whole.scans[0].stamp_ns) * 1e-9
         raise SettingsError(
-            f"Expected excluded spans without the scan at {at_s:.2f} s, in whose frame the given planes are; exclude "
-            "another span, or leave the planes to be found."
+            f"Expected excluded spans that keep the scan at {at_s:.2f} s, because the given planes are in its frame; exclude "
+            "another span, or give no planes."
         )

@@ -31,7 +31,7 @@ def with_cause(refusal: Refused, messages: Sequence[Message]) -> str:
     if refusal.code not in _BROKEN:
         return str(refusal)
     if not cause and any(message.code == _ONE_AXIS for message in messages):
-        about = "as far as the lidar could be followed, all turning is about one axis"
+        about = "as far as the lidar could be followed, all rotation is about one axis"
         return f"{about}; that may be why {refusal}, and turn the rig about the other axes too"
     if not cause:
         return str(refusal)

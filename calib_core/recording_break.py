@@ -54,13 +54,13 @@ def break_of(answer: Answer, recording: Recording, log: MessageLog) -> Break | N
     step = _clock_step_of(answer, recording)
     if step is not None:
         # A mount that slips asks stretches for other offsets as well.
-        what = f"the two clocks were set against each other, or the mount slipped, {_between(step.within_s, recording.skipped_s)}"
+        what = f"one of the two clocks was set, or the mount slipped, {_between(step.within_s, recording.skipped_s)}"
         cure = "find out which clock jumps and give it a source of time, or fasten the mount"
         return Break(step, "clock.set", what, cure, recording.skipped_s)
     silence = imu_silence(recording, answer.time_offset_ns) if disagrees(log) else None
     if silence is not None:
         when = _between(silence.within_s, recording.skipped_s)
-        what = f"the IMU is silent {when}, and what lies before does not go with what lies after"
+        what = f"the IMU is silent {when}, and the recording before that does not agree with the recording after"
         return Break(silence, SILENT, what, "find out where its readings are lost", recording.skipped_s)
     return None
 

@@ -21,8 +21,8 @@ def check_priors(settings: CalibrateSettings, guess: InitialGuess | None) -> Non
     turns = sorted({prior.axis for prior in settings.priors if prior.axis in ("rx", "ry", "rz")})
     if turns and (guess is None or guess.R_imu_lidar is None):
         raise SettingsError(
-            f"Expected an initial guess with a rotation beside the prior on {', '.join(turns)}, which is a small turn from it"
-            " about the lidar's axes, and found none; give the rotation that is known as the initial guess."
+            f"Expected an initial guess with a rotation, because the prior on {', '.join(turns)} is a small turn from it about "
+            "the lidar's axes, but found none; give the known rotation as the initial guess."
         )
 
 
@@ -35,9 +35,9 @@ def say_unused(settings: CalibrateSettings, on_event: OnEvent) -> None:
         if name not in OBEYED_BY_PAPER and getattr(settings, name) != getattr(defaults, name)
     ]
     if settings.range_std_m is not None:
-        unused = [name if name != "imu noise" else "imu noise but for the range's" for name in unused]
+        unused = [name if name != "imu noise" else "imu noise (except the range's)" for name in unused]
     if settings.method == "paper" and unused:
-        text = f"the published method does not obey what was set of {', '.join(unused)}: `--method full` does"
+        text = f"the published method ignores the settings {', '.join(unused)}: use `--method full` for them"
         _say(on_event, "warning", "settings.unused", text)
 
 
@@ -55,10 +55,10 @@ def with_offset_to_hold(
     if recording.coarse_offset_ns:
         apart_s = abs(recording.coarse_offset_ns) * 1e-9
         raise SettingsError(
-            "Expected an initial guess with a time offset where it is to be held, and found none, while both sensors' stamps are "
+            "Expected an initial guess with the time offset that is to be held, but found none, and the two sensors' stamps are "
             f"{apart_s:,.1f} s apart; give the time offset, or let it be estimated."
         )
-    text = "no time offset was given to be held: it is held at 0, as of one clock for both; give another, or let it be estimated"
+    text = "no time offset to hold was given: it is held at 0, as if both sensors had one clock; give one, or let it be estimated"
     _say(on_event, "info", "offset.held", text)
     return replace(guess or InitialGuess(), time_offset_ns=0)
 
@@ -87,7 +87,7 @@ def _named_apart(plane: Plane, taken: Collection[str], on_event: OnEvent) -> Pla
         return plane
     names = (f"{plane.name} ({number})" for number in itertools.count(2))
     name = next(each for each in names if each not in taken)
-    _say(on_event, "info", "planes.named", f"two planes are called {plane.name}: one of them is {name} here")
+    _say(on_event, "info", "planes.named", f"two planes are called {plane.name}: one of them is renamed {name}")
     return replace(plane, name=name)
 
 

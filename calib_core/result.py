@@ -64,7 +64,7 @@ class Uncertainty(_Model):
 
 
 class WeakDirection(_Model):
-    label: str | None = Field(description="the axis that it is all but along; null of a mixture")
+    label: str | None = Field(description="the axis that this direction lies along; null: a mixture of axes")
     vector: list[float] = Field(description="7 in covariance_order, each divided by 1 deg, 10 mm or 1 ms, of length 1")
     std_scaled: float = Field(description="standard deviation along it, in the same units")
     text: str = Field(description="one sentence for a person")
@@ -87,9 +87,10 @@ class PlaneQuality(_Model):
     name: str = Field(description="as people call it")
     normal: list[float] = Field(description="unit length, map frame")
     offset_m: float = Field(description="n . x + offset_m = 0")
-    points: int = Field(description="used of it")
+    points: int = Field(description="points of it that were used")
     rms_m: float = Field(
-        description="of their distances, a surer one (seen at a grazing angle) counting more: less than their plain spread"
+        description="weighted root mean square distance of its points: those seen at a grazing angle count more, so that it "
+        "is less than their plain spread"
     )
     outline_m: list[list[float]] | None = Field(
         default=None,
@@ -103,8 +104,8 @@ class RoomCrispness(_Model):
 
     mean_entropy_nat: float = Field(description="mean over points of 1/2 ln |2 pi e S|, S [m2] of the points of a cube")
     thickness_std_m: float = Field(description="root of the mean smallest eigenvalue of S")
-    points: int = Field(description="that were looked at")
-    cubes: int = Field(description="that they lie in")
+    points: int = Field(description="points that were looked at")
+    cubes: int = Field(description="cubes that these points lie in")
 
 
 class Crispness(_Model):
@@ -136,8 +137,8 @@ class OwnAnswer(Shift):
 
 
 class TimeBlock(OwnAnswer):
-    t_start_s: float = Field(description="lidar time, seconds from the recording's start")
-    t_end_s: float = Field(description="the same, of its end")
+    t_start_s: float = Field(description="its beginning: lidar time, seconds from the recording's start")
+    t_end_s: float = Field(description="its end, in the same time")
 
 
 class PlaneAnswer(OwnAnswer):
@@ -160,13 +161,16 @@ class Parts(_Model):
 class OffsetProfile(_Model):
     """How well the lidar's turning and the gyroscope's go together, over the time offset around the answer's."""
 
-    first_s: float = Field(description="time offset of the first value, from the answer's")
-    step_s: float = Field(description="between two values")
+    first_s: float = Field(description="time offset of the first value, minus the answer's")
+    step_s: float = Field(description="from one value to the next")
     likeness: list[float | None] = Field(
-        description="1 where a turn of the axes explains all of both, null where too little is in common"
+        description="1: one rotation between the axes explains both rates of rotation completely; null: they have too little "
+        "time in common"
     )
-    best_s: float = Field(description="where it is highest, from the answer's time offset")
-    text: str = Field(default="", description="what that says of the answer; empty in older documents")
+    best_s: float = Field(description="time offset at which the likeness is highest, minus the answer's")
+    text: str = Field(
+        default="", description="what the profile says about the answer, for a person; empty in older documents"
+    )
 
 
 class Evidence(_Model):
@@ -181,16 +185,18 @@ class Evidence(_Model):
 
 
 class Quality(_Model):
-    point_to_plane_rms_m: float = Field(description="of the distances of all points used, as of each plane's")
-    points_used: int = Field(description="points that lie on planes and count")
-    scans_used: int = Field(description="scans that count")
-    scans_total: int = Field(description="scans of the recording")
-    planes: list[PlaneQuality] = Field(description="those that the answer is by")
+    point_to_plane_rms_m: float = Field(
+        description="weighted root mean square distance of all points used from their planes, as in each plane's rms_m"
+    )
+    points_used: int = Field(description="points on planes that the solve used")
+    scans_used: int = Field(description="scans that the solve used")
+    scans_total: int = Field(description="scans in the recording")
+    planes: list[PlaneQuality] = Field(description="the planes that the answer rests on")
     iterations: int = Field(description="of the joint solve")
-    duration_s: float = Field(description="that the solve took")
+    duration_s: float = Field(description="how long the solve took")
     crispness: Crispness | None = Field(
         default=None,
-        description="of the accumulated room, knowing no planes; absent where it was not measured",
+        description="of the room laid together without knowledge of planes; absent where it was not measured",
         exclude_if=lambda crispness: crispness is None,
     )
 
@@ -208,7 +214,7 @@ class Intrinsic(_Model):
     significant: bool = Field(description="beyond three of its sigmas from zero")
     shift: Shift | None = Field(
         default=None,
-        description="of what was only considered: by how much the answer is off where it is one prior_std above zero",
+        description="only where state is considered: by how much the answer is off if the parameter is one prior_std above zero",
         exclude_if=lambda shift: shift is None,
     )
 
@@ -231,7 +237,9 @@ class RecordingProvenance(_Model):
     lidar_frame_id: str = Field(description="the frame that T_imu_lidar leads from")
     imu_frame_id: str = Field(description="the frame that T_imu_lidar leads to")
     lidar_model: str = Field(default="", description="the lidar preset that the recording was recognised by, if any")
-    imu_rate_hz: float | None = Field(default=None, gt=0, description="by the stamps; null where it is not known")
+    imu_rate_hz: float | None = Field(
+        default=None, gt=0, description="readings per second, by their stamps; null where it is not known"
+    )
 
 
 class Provenance(_Model):
@@ -248,16 +256,16 @@ class CalibrationResult(_Model):
     )
     status: Status = Field(description="weak: some standard deviation is beyond its limit; refused: there is no answer")
     messages: list[Message] = Field(description="what was found and done on the way")
-    T_imu_lidar: Transform | None = Field(description="lidar coordinates to IMU coordinates")
+    T_imu_lidar: Transform | None = Field(description="the extrinsic: lidar coordinates to IMU coordinates")
     time_offset_s: float | None = Field(description="to ADD to an IMU stamp to express it in the lidar clock")
     time_offset_ns: int | None = Field(description="the same, exact where clocks have different epochs")
     gyroscope_bias_rad_s: list[float] | None = Field(description="mean over the recording, along the IMU's axes")
     accelerometer_bias_m_s2: list[float] | None = Field(description="mean over the recording, along the IMU's axes")
-    gravity_m_s2: float | None = Field(description="its magnitude")
+    gravity_m_s2: float | None = Field(description="magnitude of gravity")
     uncertainty: Uncertainty | None = Field(description="one standard deviation each, marginal over everything else")
-    observability: Observability = Field(description="what the motion left unknown")
+    observability: Observability = Field(description="what the data alone leave weak")
     quality: Quality = Field(description="how well the answer fits")
-    provenance: Provenance = Field(description="of what, how and by what it was made")
+    provenance: Provenance = Field(description="what was solved, how, and by which software")
     intrinsics: list[Intrinsic] = Field(default_factory=list, description="the sensors' own parameters")
     clock_rate_ppm: float | None = Field(
         default=None,

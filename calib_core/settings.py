@@ -31,30 +31,56 @@ class _Settings(BaseModel):
 class ReadSettings(_Settings):
     """How the recording is read. None means: detect, and say what was detected with its evidence."""
 
-    lidar_topic: str | None = None
-    imu_topic: str | None = None
-    start_s: float | None = Field(default=None, description="seconds after the recording's start")
-    end_s: float | None = None
-    point_time_field: str | None = None
-    point_time_unit: Literal["s", "ms", "us", "ns"] | None = None
-    point_time_reference: Literal["header-first", "header-last", "absolute"] | None = None
-    synthesise_point_time: bool = False
+    lidar_topic: str | None = Field(default=None, description="topic of the clouds; null: the only one that fits")
+    imu_topic: str | None = Field(default=None, description="topic of the IMU; null: the only one that fits")
+    start_s: float | None = Field(
+        default=None,
+        description="what was received earlier is left out; seconds after the recording's start; null: from its start",
+    )
+    end_s: float | None = Field(
+        default=None,
+        description="what was received later is left out; seconds after the recording's start; null: to its end",
+    )
+    point_time_field: str | None = Field(
+        default=None, description="field of the clouds with each point's time; null: detect it"
+    )
+    point_time_unit: Literal["s", "ms", "us", "ns"] | None = Field(
+        default=None, description="unit of that field; null: detect it"
+    )
+    point_time_reference: Literal["header-first", "header-last", "absolute"] | None = Field(
+        default=None,
+        description="what the point times count from: the header, which is the first or the last point's time, or the clock's "
+        "own epoch; null: detect it",
+    )
+    synthesise_point_time: bool = Field(
+        default=False,
+        description="make up the times of clouds that have none, from the azimuth or the order of their points; less accurate",
+    )
     points_at_once: bool = Field(
         default=False, description="all points of a scan were taken at its stamp, as by a flash lidar or a depth camera"
     )
-    accelerometer_unit: Literal["m_s2", "g"] | None = None
-    gyroscope_unit: Literal["rad_s", "deg_s"] | None = None
-    stamps: Literal["header", "receive"] = "header"
+    accelerometer_unit: Literal["m_s2", "g"] | None = Field(
+        default=None, description="unit of the accelerometer's readings; null: detect it"
+    )
+    gyroscope_unit: Literal["rad_s", "deg_s"] | None = Field(
+        default=None, description="unit of the gyroscope's readings; null: detect it"
+    )
+    stamps: Literal["header", "receive"] = Field(
+        default="header",
+        description="which stamps count: those in the messages' headers, or the times at which the messages were received",
+    )
     imu_bundles: Literal["spread", "as-stamped"] = Field(
         default="spread",
-        description="IMU readings that a driver stamped together or sent again: spread and taken once, or as they came",
+        description="spread: readings that a driver stamped together are spread over time, and readings sent twice count "
+        "once; as-stamped: all readings as they came",
     )
     repeated_returns: Literal["once", "as-sent"] = Field(
         default="once",
-        description="returns that stand in a cloud twice, as of a lidar in dual mode: counted once, or as they came",
+        description="once: a return that is in a cloud twice, as from a lidar in dual mode, counts once; as-sent: all points "
+        "as they came",
     )
-    range_min_m: float = Field(default=0.3, ge=0)
-    range_max_m: float = Field(default=200.0, gt=0)
+    range_min_m: float = Field(default=0.3, ge=0, description="points nearer to the lidar are left out")
+    range_max_m: float = Field(default=200.0, gt=0, description="points farther from the lidar are left out")
 
     @model_validator(mode="after")
     def _nearest_before_farthest(self) -> Self:
@@ -67,18 +93,30 @@ class ReadSettings(_Settings):
 class ImuNoise(_Settings):
     """Continuous-time noise densities; the keys of the contract's noise file."""
 
-    gyroscope_noise_density_rad_s_sqrt_hz: float = Field(gt=0)
-    accelerometer_noise_density_m_s2_sqrt_hz: float = Field(gt=0)
-    gyroscope_random_walk: float = Field(default=1e-5, ge=0)
-    accelerometer_random_walk: float = Field(default=1e-4, ge=0)
-    range_std_m: float | None = Field(default=None, gt=0)
+    gyroscope_noise_density_rad_s_sqrt_hz: float = Field(
+        gt=0, description="white noise of the gyroscope, of each axis [rad/s/√Hz]"
+    )
+    accelerometer_noise_density_m_s2_sqrt_hz: float = Field(
+        gt=0, description="white noise of the accelerometer, of each axis [m/s²/√Hz]"
+    )
+    gyroscope_random_walk: float = Field(
+        default=1e-5, ge=0, description="how the gyroscope's bias wanders [rad/s per √s]"
+    )
+    accelerometer_random_walk: float = Field(
+        default=1e-4, ge=0, description="how the accelerometer's bias wanders [m/s² per √s]"
+    )
+    range_std_m: float | None = Field(
+        default=None, gt=0, description="standard deviation of the lidar's ranges, along the beam; null: measured"
+    )
 
 
 class Gravity(_Settings):
     """Gravity's magnitude: a prior mean and standard deviation; std 0 fixes it."""
 
-    magnitude_m_s2: float = 9.807
-    std_m_s2: float = Field(default=0.02, ge=0)
+    magnitude_m_s2: float = Field(default=9.807, description="mean of the prior")
+    std_m_s2: float = Field(
+        default=0.02, ge=0, description="standard deviation of the prior; 0: the magnitude is exact"
+    )
 
 
 def gravity_at_latitude_m_s2(latitude_deg: float) -> float:
@@ -93,9 +131,12 @@ class Prior(_Settings):
     Rotation axes (rx ry rz) are small turns about the lidar's axes away from the initial guess's rotation.
     """
 
-    axis: Axis
-    value: float
-    std: float = Field(gt=0)
+    axis: Axis = Field(description="which of the seven, as named in the result's covariance_order")
+    value: float = Field(
+        description="mean: of rx ry rz a turn [rad] from the initial guess's rotation, of tx ty tz the translation itself "
+        "[m], of dt the time offset itself [s]"
+    )
+    std: float = Field(gt=0, description="standard deviation, in the unit of value")
 
 
 # One flat record for both methods: its keys are the command line's options, the web form's fields and the document's
@@ -104,41 +145,58 @@ class Prior(_Settings):
 class CalibrateSettings(_Settings):
     """How the calibration is solved."""
 
-    method: Literal["full", "paper"] = "full"
-    points_per_plane_per_scan: int | None = Field(default=None, gt=0, description="None: all points")
-    field_of_view_deg: float | None = Field(
-        default=None, gt=0, le=180, description="keep azimuth within +-A; None: all"
+    method: Literal["full", "paper"] = Field(
+        default="full", description="paper: the published algorithm as it stands, for comparison"
     )
-    gravity: Gravity = Gravity()
+    points_per_plane_per_scan: int | None = Field(
+        default=None, gt=0, description="points used of each plane in each scan; null: all"
+    )
+    field_of_view_deg: float | None = Field(
+        default=None,
+        gt=0,
+        le=180,
+        description="only points whose azimuth is within plus and minus this are used; null: all",
+    )
+    gravity: Gravity = Field(default=Gravity(), description="what is known of gravity's magnitude")
     imu_noise: ImuNoise | str | None = Field(
         default=None,
-        description="a preset's name: its priors and walks; or densities, which are measured otherwise",
+        description="a preset's name: its priors and random walks are used, and the noise is measured; or noise densities, "
+        "used instead of measured ones; null: measured",
     )
-    estimate_time_offset: bool = True
-    estimate_planes: bool = True
-    bias_model: Literal["constant", "random-walk"] = "random-walk"
+    estimate_time_offset: bool = Field(
+        default=True, description="false: the time offset is held as the initial guess has it, at 0 without one"
+    )
+    estimate_planes: bool = Field(default=True, description="false: the planes are held as given or as first seen")
+    bias_model: Literal["constant", "random-walk"] = Field(
+        default="random-walk", description="how the IMU's biases behave over the recording"
+    )
     imu_sampling: Literal["detect", "as-stamped", "even"] = Field(
         default="detect",
-        description="when the IMU's readings were taken: when their stamps say, evenly, or what the readings themselves tell",
+        description="when the IMU's readings were taken; as-stamped: at their stamps; even: at even steps; detect: what the "
+        "readings themselves tell",
     )
     lidar_sampling: Literal["detect", "as-stamped"] = Field(
         default="detect",
-        description="when sweeps began: when their stamps say, or as a rotor turns, where it tells that a host stamped them",
+        description="when sweeps began; as-stamped: at their stamps; detect: evenly, as a rotor turns, where the stamps are "
+        "seen to be a host's",
     )
     cloud: Literal["detect", "as-sent"] = Field(
         default="detect",
-        description="clouds that a grid thinned: told by their points and used away from its faces, or taken as a lidar's own",
+        description="as-sent: clouds are taken as a lidar's own; detect: a cloud that was thinned by a grid, one point to a "
+        "cell, is recognised",
     )
     intrinsics: Literal["auto", "consider", "off"] | tuple[Block, ...] = Field(
         default="auto",
-        description="the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or "
-        "only the blocks named are estimated",
+        description="the sensors' own parameters; auto: estimated with priors; consider: not estimated, but counted in the "
+        "error bars; off: sensors taken as ideal; a list: only the named blocks are estimated",
     )
-    lidar: str | None = Field(default=None, description="a lidar preset's name, for the priors; None: as recognised")
-    priors: tuple[Prior, ...] = ()
-    random_seed: int = 0
-    max_rounds: int = Field(default=12, gt=0)
-    crispness: bool = Field(default=True, description="measure how crisp the room is, before and after")
+    lidar: str | None = Field(default=None, description="name of a lidar preset, for the priors; null: as recognised")
+    priors: tuple[Prior, ...] = Field(
+        default=(), description="what is known of the calibration beforehand; at most one for each axis"
+    )
+    random_seed: int = Field(default=0, description="seed of the search for planes")
+    max_rounds: int = Field(default=12, gt=0, description="the most rounds of associating points to planes and solving")
+    crispness: bool = Field(default=True, description="whether to measure how crisp the room is, before and after")
     excluded_spans_s: tuple[tuple[float, float], ...] = Field(
         default=(), description="scans that touch these spans are left out; seconds after the first scan read"
     )

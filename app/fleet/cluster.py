@@ -109,7 +109,7 @@ def counted(order_text: str, counter: str, run: Callable[[], str]) -> str:
 
 def _lost(order: FleetOrder) -> FleetOutcome:
     text = (
-        f"Each of the {TRIES} workers that had {order.recording} was lost, most likely for want of memory: bound what a "
+        f"Each of the {TRIES} workers that had {order.recording} was lost, probably because memory ran out: limit what a "
         "recording may take with --memory-limit-mb, or start larger workers, then give the same command again."
     )
     return FleetOutcome(code="job.lost", text=text, is_lost=True, tries=TRIES)

@@ -57,7 +57,7 @@ NO_SCHEDULER = ErrorFacts(
 )
 DOOMED = ErrorFacts(
     code="job.workers_lost",
-    text="Every worker that tried this was lost, most likely for want of memory: choose a shorter time span, or larger workers.",
+    text="Every worker that tried this was lost, probably because memory ran out: choose a shorter time span, or larger workers.",
 )
 
 

@@ -14,7 +14,7 @@ from app.storage.records import JobRecord
 STOPPED = ErrorFacts(code="job.stopped", text="The job stopped by itself; run it again.")
 DIED = ErrorFacts(
     code="job.died",
-    text="The job's process ended without a word, most likely for want of memory: choose a shorter time span.",
+    text="The job's process ended without an error message, probably because memory ran out: choose a shorter time span.",
 )
 
 

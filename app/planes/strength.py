@@ -143,6 +143,6 @@ def _what_to_do(stays: str, advice: str, *, by_motion: bool) -> str:
     either.
     """
     if not by_motion:
-        return f"{stays}: too little is left of what fixes it. Confirm more planes."
+        return f"{stays}: the confirmed planes do not determine it. Confirm more planes."
     cure = advice or "Record again, with turns about all three axes."
-    return f"{stays}, whichever planes are confirmed: the motion does not tell it. {cure}"
+    return f"{stays}, whichever planes are confirmed: the motion does not determine it. {cure}"

@@ -37,7 +37,7 @@ def as_chance_has(crossing: int, bars: int) -> str:
     so_few = sum(math.comb(bars, k) * p**k * (1.0 - p) ** (bars - k) for k in range(crossing + 1))
     if so_few < 1.0 / ONE_IN:
         return TOO_FEW
-    return "as noise has it" if so_few > SELDOM else "few, which noise alone may come to"
+    return "as expected from noise" if so_few > SELDOM else "few, but noise alone may cause that"
 
 
 def crossing_zero(parts: Sequence[OwnAnswer]) -> tuple[int, int]:

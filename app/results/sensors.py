@@ -35,7 +35,7 @@ _READABLE: Mapping[str, tuple[float, str]] = {
     "s": (1e3, "ms"),
     "s2": (1e6, "ms²"),
     "s3": (1e9, "ms³"),
-    UNITS["g_sensitivity"]: (math.degrees(STANDARD_GRAVITY_M_S2), "deg/s a g"),
+    UNITS["g_sensitivity"]: (math.degrees(STANDARD_GRAVITY_M_S2), "deg/s per g"),
     UNITS["accelerometer_quadratic"]: (1e3 * STANDARD_GRAVITY_M_S2, "mg at one g"),
 }
 

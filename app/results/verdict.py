@@ -54,8 +54,8 @@ def said_of_planes(result: CalibrationResult) -> str:
     """
     several = {
         INSTEAD: "",  # said once at the most
-        DOUBTED: "{} planes are doubtful and count all the same: leave them out and solve again.",
-        UNSEEN: "{} of the planes chosen count for next to nothing, and may not be where they were put.",
+        DOUBTED: "{} planes are doubtful, but are used because they were chosen: leave them out and solve again.",
+        UNSEEN: "{} of the chosen planes have next to no effect on the answer, and may not be where they were placed.",
     }
     sentences = []
     for code, of_several in several.items():

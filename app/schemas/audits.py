@@ -17,6 +17,8 @@ class NewAudit(WireModel):
         description="a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers",
     )
     direction: Direction = Field(
-        default="imu_lidar", description="of bare numbers: imu_lidar takes lidar coordinates to the IMU's"
+        default="imu_lidar",
+        description="only for bare numbers; imu_lidar: they take lidar coordinates to IMU coordinates; lidar_imu: the other "
+        "direction",
     )
-    limits: Limits = Limits()
+    limits: Limits = Field(default=Limits(), description="how far off each axis may be")

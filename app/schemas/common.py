@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, cast
 
 from pydantic import BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
 
 from calib_core.settings import FARTHEST_S
 
@@ -17,6 +19,21 @@ class WireModel(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+def described_by(model: type[BaseModel]) -> Callable[[JsonDict], None]:
+    """What gives a schema's fields the descriptions that another model has for fields of the same names.
+
+    For a `model_config` (json_schema_extra): a request that changes a record has the record's own fields, all of them optional.
+    """
+
+    def describe(schema: JsonDict) -> None:
+        for name, field in cast("dict[str, JsonDict]", schema["properties"]).items():
+            known = model.model_fields.get(name)
+            if known is not None and known.description is not None:
+                field.setdefault("description", known.description)
+
+    return describe
 
 
 #: Names of recordings, jobs and uploads: 128 random bits in hexadecimal, never anything a user typed.
@@ -44,12 +61,15 @@ class ErrorDetails(WireModel):
 class ErrorFacts(WireModel):
     """A stable dotted code and one sentence for a person."""
 
-    code: str = Field(examples=["recording.not_found"])
-    text: str = Field(examples=["No recording has the id 5f0c...; open the list of recordings and pick one."])
-    details: ErrorDetails | None = None
+    code: str = Field(examples=["recording.not_found"], description="stable and dotted")
+    text: str = Field(
+        examples=["No recording has the id 5f0c...; open the list of recordings and pick one."],
+        description="one sentence for a person: what is wrong and what to do",
+    )
+    details: ErrorDetails | None = Field(default=None, description="more for a program; null: none")
 
 
 class ErrorBody(WireModel):
     """The body of every answer whose status is 400 or above."""
 
-    error: ErrorFacts
+    error: ErrorFacts = Field(description="what went wrong")

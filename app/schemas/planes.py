@@ -15,20 +15,20 @@ PatchIndex = Annotated[int, Field(ge=0, description="position in the list of pat
 class Patch(WireModel):
     """A detected plane, map frame: n . x + offset_m = 0."""
 
-    index: int
-    name: str
-    normal: Vector
-    offset_m: float
-    area_m2: float
-    n_points: int
-    rms_m: float
+    index: int = Field(description="position in the list of patches; operations name it by this")
+    name: str = Field(description="as people call it")
+    normal: Vector = Field(description="unit length, map frame")
+    offset_m: float = Field(description="n . x + offset_m = 0")
+    area_m2: float = Field(description="of the part that was seen")
+    n_points: int = Field(description="points of the cloud that lie on it")
+    rms_m: float = Field(description="root mean square distance of these points from it")
     tilt_deg: float = Field(description="angle between the normal and the vertical, 0..90; see `upright`")
-    confirmed: bool
-    restricted: bool = Field(description="whether a box of its own leaves part of it out")
-    insisted: bool = Field(default=False, description="whether it counts even where it turns out to be doubtful")
+    confirmed: bool = Field(description="whether a solve uses it")
+    restricted: bool = Field(description="whether a box that was drawn for this plane leaves part of it out")
+    insisted: bool = Field(default=False, description="whether a solve uses it even where it turns out to be doubtful")
     doubt: str = Field(
         default="",
-        description="what seems wrong with it before a solve, which leaves it out unless it is insisted on",
+        description="what seems wrong with it; a solve leaves it out unless it is insisted on; empty: nothing",
         examples=["does not seem to stand still"],
     )
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
@@ -37,43 +37,46 @@ class Patch(WireModel):
 class Foreseen(WireModel):
     """The axis of the calibration that is least known with the confirmed planes, one standard deviation; see `limit`."""
 
-    name: str = Field(examples=["Position z"])
-    std: float
-    unit: Literal["deg", "m", "s"]
-    limit: float = Field(description="beyond which the axis is weak, in the same unit")
-    weak: bool = Field(description="whether it is beyond the limit: a solve would not know this axis")
-    text: str = Field(default="", description="of a weak axis: what is the matter, and what to do; for a person")
+    name: str = Field(examples=["Position z"], description="of the axis, for a person")
+    std: float = Field(description="standard deviation to expect, in unit")
+    unit: Literal["deg", "m", "s"] = Field(description="of std and limit")
+    limit: float = Field(description="beyond this standard deviation the axis is weak")
+    weak: bool = Field(description="whether a solve would leave this axis weak")
+    text: str = Field(default="", description="of a weak axis: why, and what to do; for a person")
 
 
 class Determinacy(WireModel):
     """Whether the confirmed planes fix all three directions of space."""
 
-    ok: bool
-    text: str
+    ok: bool = Field(description="whether they do: a solve can follow the motion")
+    text: str = Field(description="which planes are missing, or that none is; for a person")
     smallest_eigenvalue: float = Field(
-        description="of the mean of n n^T over distinct confirmed directions: 1/3 is best, 0 leaves a direction free"
+        description="of the mean of n n^T over the confirmed planes' distinct directions: 1/3 is best, 0 leaves a direction "
+        "free"
     )
 
 
 class Planes(WireModel):
     """The recording's planes as every browser sees them."""
 
-    patches: list[Patch]
-    determinacy: Determinacy
+    patches: list[Patch] = Field(description="all planes, confirmed or not")
+    determinacy: Determinacy = Field(description="whether the confirmed planes fix all three directions of space")
     foreseen: Foreseen | None = Field(
-        default=None, description="None until there is a forecast, and where it cannot be told for these planes"
+        default=None, description="null until there is a forecast, and where it cannot be told for these planes"
     )
-    static: bool
-    upright: bool = Field(default=False, description="whether the vertical is gravity's; else it is the map's z axis")
-    restricted: bool = Field(description="whether a box leaves part of the cloud out, for all planes")
-    can_undo: bool
-    can_redo: bool
-    revision: int
+    static: bool = Field(description="whether the platform stood still while the cloud was taken")
+    upright: bool = Field(
+        default=False, description="whether tilts are measured from gravity's vertical; false: from the map's z axis"
+    )
+    restricted: bool = Field(description="whether a box that was drawn for all planes leaves part of the cloud out")
+    can_undo: bool = Field(description="whether there is a change to take back")
+    can_redo: bool = Field(description="whether there is a change to make again")
+    revision: int = Field(description="grows by one with every change; for `expected_revision`")
 
 
 class _Operation(WireModel):
     expected_revision: int | None = Field(
-        default=None, description="refuse with 409 if the planes have changed since; None: apply to whatever is there"
+        default=None, description="refuse with 409 if the planes have changed since; null: apply to whatever is there"
     )
 
 
@@ -110,14 +113,14 @@ class Rename(_Operation):
 
     op: Literal["rename"]
     index: PatchIndex
-    name: str = Field(min_length=1, max_length=60, examples=["wall A"])
+    name: str = Field(min_length=1, max_length=60, examples=["wall A"], description="the new name")
 
 
 class Merge(_Operation):
     """One patch out of two or more that lie in one plane; it takes the first one's place and name."""
 
     op: Literal["merge"]
-    indices: list[PatchIndex] = Field(min_length=2, examples=[[0, 5]])
+    indices: list[PatchIndex] = Field(min_length=2, examples=[[0, 5]], description="the patches to join")
 
 
 class Grow(_Operation):
@@ -130,8 +133,8 @@ class Grow(_Operation):
 class Side(WireModel):
     """A half-space, map frame: it keeps the points with n . x + offset_m >= 0."""
 
-    normal: Vector
-    offset_m: float
+    normal: Vector = Field(description="unit length, map frame, into the half that is kept")
+    offset_m: float = Field(description="n . x + offset_m = 0 on the boundary")
 
 
 class Restrict(_Operation):
@@ -144,8 +147,15 @@ class Restrict(_Operation):
     """
 
     op: Literal["restrict"]
-    sides: list[Side] = Field(min_length=1, max_length=12, examples=[[{"normal": [0.0, 0.0, 1.0], "offset_m": 0.5}]])
-    index: int | None = Field(default=None, ge=0, description="the patch to restrict; None: all, and what grows later")
+    sides: list[Side] = Field(
+        min_length=1,
+        max_length=12,
+        examples=[[{"normal": [0.0, 0.0, 1.0], "offset_m": 0.5}]],
+        description="the half-spaces whose intersection is kept",
+    )
+    index: int | None = Field(
+        default=None, ge=0, description="the patch to restrict; null: all, and what is grown later"
+    )
 
 
 class UseSuggestion(_Operation):

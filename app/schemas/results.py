@@ -12,45 +12,52 @@ from calib_core.audit.given import Direction
 class WallThickness(WireModel):
     """Spread of one plane's points about it. The same points before (sweep as rigid) and after (de-skewed)."""
 
-    name: str
-    points: int
-    before_rms_m: float
-    after_rms_m: float
-    before_histogram: list[int]
-    after_histogram: list[int]
+    name: str = Field(description="of the plane")
+    points: int = Field(description="points counted")
+    before_rms_m: float = Field(description="root mean square distance from the plane, sweep as rigid")
+    after_rms_m: float = Field(description="the same, de-skewed")
+    before_histogram: list[int] = Field(description="points in each bin, sweep as rigid")
+    after_histogram: list[int] = Field(description="points in each bin, de-skewed")
 
 
 class Thickness(WireModel):
-    """Wall thickness per plane. Histograms count signed distances between consecutive `edges_m`."""
+    """Wall thickness per plane. Histograms count signed distances from the plane between consecutive `edges_m`."""
 
-    edges_m: list[float]
-    walls: list[WallThickness]
-    before_rms_m: float = Field(description="over all walls")
-    after_rms_m: float
+    edges_m: list[float] = Field(
+        description="edges of the bins: signed distance from the plane; one more than there are bins"
+    )
+    walls: list[WallThickness] = Field(description="each plane of the result")
+    before_rms_m: float = Field(description="over all walls, sweep as rigid")
+    after_rms_m: float = Field(description="over all walls, de-skewed")
 
 
 class ScanQuality(WireModel):
     """How well each scan agrees with the planes, de-skewed; None where the motion does not reach."""
 
-    t_s: list[float] = Field(description="of each scan's first point, after the first scan's")
-    rms_m: list[float | None] = Field(description="spread about the nearest planes of the points within 0.3 m of one")
-    share: list[float | None] = Field(
-        description="points near enough to a plane to be coloured by it in the scene, 0..1"
+    t_s: list[float] = Field(description="time of each scan's first point, after the first scan's")
+    rms_m: list[float | None] = Field(
+        description="root mean square distance of its points from their nearest planes; points farther than 0.3 m from any "
+        "plane are left out"
     )
-    points_each: int = Field(description="points looked at of each scan, at most")
+    share: list[float | None] = Field(
+        description="share of its points that are near enough to a plane to have its colour in the scene, 0..1"
+    )
+    points_each: int = Field(description="the most points looked at in each scan")
 
 
 class CommandFile(WireModel):
     """A file that the command reads."""
 
-    name: str = Field(examples=["planes.json"])
-    text: str
+    name: str = Field(examples=["planes.json"], description="of the file")
+    text: str = Field(description="what is in it")
 
 
 class Command(WireModel):
     """The same calibration on the command line."""
 
-    text: str = Field(examples=["unsweep calibrate room.bag --exclude=12.5:14 --output result.json"])
+    text: str = Field(
+        examples=["unsweep calibrate room.bag --exclude=12.5:14 --output result.json"], description="the command line"
+    )
     files: list[CommandFile] = Field(description="to be saved where the command is run")
     notes: list[str] = Field(description="what the command cannot say")
 
@@ -58,34 +65,40 @@ class Command(WireModel):
 class ExtrinsicText(WireModel):
     """An extrinsic as it was pasted or uploaded."""
 
-    text: str = Field(max_length=200_000)
+    text: str = Field(
+        max_length=200_000,
+        description="a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers",
+    )
     direction: Direction = Field(
-        default="imu_lidar", description="of bare numbers: imu_lidar takes lidar coordinates to the IMU's"
+        default="imu_lidar",
+        description="only for bare numbers; imu_lidar: they take lidar coordinates to IMU coordinates; lidar_imu: the other "
+        "direction",
     )
 
 
 class AnswerDifference(WireModel):
     """How far the latest run's answer is from this one's."""
 
-    rotation_deg: float
-    translation_m: float
+    rotation_deg: float = Field(description="angle between the two rotations")
+    translation_m: float = Field(description="distance between the two translations")
     time_offset_s: float = Field(
-        description="at one instant: clocks run apart, and each answer's offset holds at its own"
+        description="difference of the time offsets at one instant: the clocks run at different rates, and each answer's "
+        "offset holds at an instant of its own"
     )
 
 
 class Run(WireModel):
     """One solve of the recording. `from_latest` is None for the latest itself and where either has no answer."""
 
-    job: Job
-    from_latest: AnswerDifference | None = None
+    job: Job = Field(description="the solve")
+    from_latest: AnswerDifference | None = Field(default=None, description="how far the latest answer is from this one")
     error: ErrorFacts | None = Field(
-        default=None, description="why its result cannot be read: it lies damaged on the disk"
+        default=None, description="why its result cannot be read: the file on the disk is damaged"
     )
 
 
 class Runs(WireModel):
     """All solves of a recording, newest first."""
 
-    recording_id: RecordId
-    runs: list[Run]
+    recording_id: RecordId = Field(description="the recording that was solved")
+    runs: list[Run] = Field(description="newest first")

@@ -108,15 +108,15 @@ def hints(given: GivenExtrinsic, found: CalibrationResult) -> list[str]:
     # A degree weighs as much as 20 mm: the limits' own proportion, roughly.
     if _INVERSE_TIMES_NEARER * (there[0] + there[1] / 20.0) < here[0] + here[1] / 20.0:
         said.append(
-            f"The inverse of what is given is {there[0]:.2f} deg and {there[1]:.1f} mm from what this recording says: it "
-            "leads in the other direction (T_lidar_imu where T_imu_lidar was meant)."
+            f"The inverse of the given extrinsic is only {there[0]:.2f} deg and {there[1]:.1f} mm from what this recording says: "
+            "the file seems to state T_lidar_imu where T_imu_lidar is expected; invert it."
         )
     if given.time_offset_ns is not None:
         off_ns, turned_ns = (abs(sign * given.time_offset_ns - found.time_offset_ns) for sign in (1, -1))
         if _INVERSE_TIMES_NEARER * turned_ns < off_ns and off_ns > 1e6:
             said.append(
-                "With the other sign the given time offset would fit: it is the number to ADD to IMU stamps, and programs "
-                "differ in that."
+                "The given time offset would fit with the other sign: here it is the number to ADD to IMU stamps, while some "
+                "programs subtract it."
             )
     return said
 
@@ -131,8 +131,8 @@ def own_sigmas(given: GivenExtrinsic, limits: Limits) -> list[str]:
     if shares[worst] <= 1.0:
         return []
     said = std_text(*in_si(float(stds[worst]), _UNITS[worst]))
-    text = f"The given file says of its own {AXIS_WORDS[COVARIANCE_ORDER[worst]]} that it is known to {said} (1 sigma)"
-    return [f"{text}; its numbers are judged as they stand, by this recording's sigmas."]
+    text = f"By the given file, its own {AXIS_WORDS[COVARIANCE_ORDER[worst]]} is known only to {said} (1 sigma)"
+    return [f"{text}; this is not counted: its numbers are judged as they stand, by this recording's sigmas alone."]
 
 
 def _distances(one: FloatArray, other: FloatArray) -> tuple[float, float]:

@@ -52,7 +52,7 @@ def _sentence(given: RoomCrispness, found: RoomCrispness) -> str:
     thick = f"surfaces {thickness[0]} thick (rms) against {thickness[1]}"
     # Entropy that differs where no surface shows thicker is a matter of where points lie in the grids.
     if abs(more) <= _BY_CHANCE_NAT or thickness[0] == thickness[1]:
-        return f"Both make the same room, {thick}: the difference between them does not show in it."
+        return f"The room looks the same with both, {thick}: the difference between them does not show in it."
     if more > 0:
         return f"With the given extrinsic the room is blurrier, by {more:.4f} nat of map entropy: {thick}."
     return f"With the given extrinsic the room is even crisper, by {-more:.4f} nat of map entropy: {thick}."

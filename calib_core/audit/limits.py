@@ -19,17 +19,18 @@ _Three = Annotated[tuple[_Positive, _Positive, _Positive], Field(strict=False)]
 class Limits(BaseModel):
     """The largest difference that is still right. A number holds for all three axes; null: this is not judged.
 
-    rotation_deg: about the lidar's axes x y z.   translation_mm: along the IMU's axes x y z.   time_offset_ms: of the clocks.
     Without a file the limits beyond which our own result would be called weak.
     """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True, serialize_by_alias=True
     )
-    schema_: Literal["unsweep.limits/1"] = Field(default="unsweep.limits/1", alias="schema")
-    rotation_deg: _Positive | _Three | None = WEAK_DEG
-    translation_mm: _Positive | _Three | None = 1e3 * WEAK_M
-    time_offset_ms: _Positive | None = 1e3 * WEAK_S
+    schema_: Literal["unsweep.limits/1"] = Field(
+        default="unsweep.limits/1", alias="schema", description="which document this is"
+    )
+    rotation_deg: _Positive | _Three | None = Field(default=WEAK_DEG, description="about the lidar's axes x, y, z")
+    translation_mm: _Positive | _Three | None = Field(default=1e3 * WEAK_M, description="along the IMU's axes x, y, z")
+    time_offset_ms: _Positive | None = Field(default=1e3 * WEAK_S, description="of the time offset")
 
     def per_axis(self) -> tuple[float | None, ...]:
         """Seven, in the order rx ry rz tx ty tz dt, in degrees, millimetres and milliseconds."""

@@ -58,9 +58,10 @@ def report_of(
     if held_refusal is not None:
         # What a refusal advises is of recordings that give no answer: this one gives its own.
         why = held_refusal.partition(";")[0].rstrip(".")
-        hints.append(f"With the given extrinsic held no motion fits the recording, which fits by its own: {why}.")
+        text = "With the given extrinsic held fixed, no motion fits the recording; with the recording's own extrinsic one does"
+        hints.append(f"{text}: {why}.")
     if given.time_offset_ns is None:
-        hints.append("The given file has no time offset, so that of the clocks is not judged.")
+        hints.append("The given file has no time offset, so the time offset is not judged.")
     verdict = compare.verdict_of(axes)
     return AuditReport(
         verdict=verdict,
@@ -131,9 +132,9 @@ def _sentence(verdict: Verdict, axes: Sequence[AxisAudit], found: Calibration) -
         return "This recording cannot tell: no axis is judged; give limits for some."
     widest = max(chosen, key=lambda a: a.smallest_error / (a.limit or a.smallest_error))
     return (
-        f"This recording cannot tell: the {AXIS_WORDS[widest.axis]} is known to "
-        f"{std_text(*in_si(widest.difference_std, widest.unit))} (1 sigma), too roughly for a limit of {widest.limit:g} "
-        f"{widest.unit}; record more motion."
+        f"This recording cannot tell: it determines the {AXIS_WORDS[widest.axis]} only to "
+        f"{std_text(*in_si(widest.difference_std, widest.unit))} (1 sigma), which is too uncertain for a limit of "
+        f"{widest.limit:g} {widest.unit}; record more motion."
     )
 
 

@@ -144,7 +144,10 @@ def _planes_in_words(planes: Sequence[PlaneReport], *, determined: bool) -> str:
         left_out = f" Likely to be left out by a solve: {joined(doubtful)}." if doubtful else ""
         return f"{seen}; together they fix where the lidar is.{left_out}"
     open_to = "leave" if len(planes) > 1 else "leaves"
-    return f"{seen}, which {open_to} a direction of the lidar's motion open: turn towards planes that face another way."
+    return (
+        f"{seen}, which {open_to} one direction of the lidar's motion undetermined: turn towards planes that face another "
+        "direction."
+    )
 
 
 def forecast_report(outlook: Outlook, planes: PlanesReport, *, share: float) -> Forecast:
@@ -207,7 +210,7 @@ def in_words(parameters: Sequence[ParameterForecast]) -> str:
             where = f" {preposition} {joined(bad)}" if good else ""
             unknown.append(f"the {group}{where}")
     if not known:
-        return "A solve would know nothing of it well."
+        return "A solve would know none of the parameters well."
     text = f"A solve would know {joined(known)} (1 sigma)"
     return f"{text}, but not {joined(unknown, 'nor')}." if unknown else f"{text}."
 

@@ -122,14 +122,16 @@ def _judge_length(case: _Case, overlap_s: float, numbers: Sequence[ParameterFore
             f" needed, check the clocks or record longer."
         )
     elif overlap_s < SHORT_S and not numbers:
-        case.limits.append(f"Lidar and IMU cover {overlap_s:.1f} s together, less than {SHORT_S:g} s; 20 s mostly do.")
+        case.limits.append(
+            f"Lidar and IMU cover {overlap_s:.1f} s together, less than {SHORT_S:g} s; 20 s are usually enough."
+        )
     # Standard deviations shrink with the root of the time. One below the limit that is weak all the same is a prior's.
     longer = sqrt(max(1.0, LONG_S / max(overlap_s, 1e-3)))
     told = [AXIS_WORDS[p.name] for p in weak if _WEAK_IN[p.unit] < p.std < longer * _WEAK_IN[p.unit]]
     if told:
         case.limits.append(
             f"Lidar and IMU cover {overlap_s:.1f} s together, too short for the {joined(told)}: {LONG_S:g} s of such motion"
-            " would do."
+            " would be enough."
         )
     if overlap_s < SHORT_S or told:
         case.advice.append("Record 30 to 60 s.")
@@ -145,7 +147,7 @@ def _judge_forecast(case: _Case, forecast: Forecast) -> None:
             case.fatal.append(sentence)
             case.advice.extend(_FATAL[forecast.code])
         else:
-            case.limits.append(f"What a solve would know cannot be told beforehand: {forecast.reason}.")
+            case.limits.append(f"No forecast is possible: {forecast.reason}.")
         return
     case.limits.extend(forecast.weak)
     unnamed = [p.name for p in forecast.parameters if p.weak]
@@ -189,9 +191,7 @@ def _judge_planes(case: _Case, planes: PlanesReport) -> None:
 def _judge_imu(case: _Case, imu: ImuReport) -> None:
     longest_s = max((span.end_s - span.start_s for span in imu.still_spans), default=0.0)
     if longest_s < STILL_SOME_S:
-        case.advice.append(
-            "Let the rig stand still for 3 s before moving it: the planes of the start are sharper for it."
-        )
+        case.advice.append("Let the rig stand still for 3 s before moving it: this makes the first planes sharper.")
     if imu.stamps.rate_hz < MIN_RATE_HZ:
         case.limits.append(f"The IMU runs at {imu.stamps.rate_hz:.0f} Hz; 100 Hz or more is advised.")
         case.advice.append("Raise the IMU's rate to 100 Hz or more.")

@@ -136,8 +136,8 @@ def with_sensors_held(run: Run, task: Task) -> Answer:
                 raise
         unsay()
     text = (
-        "with the sensors' own parameters as unknowns the solve found no answer: the sensors are taken as their data sheets "
-        "have them, and what they may be off by is counted in the error bars"
+        "with the sensors' own parameters as unknowns the solve found no answer: the parameters are held instead, and the errors "
+        "that data sheets allow are counted in the error bars"
     )
     run.say("warning", "sensor.astray", text)
     return judged(held, without, task)
@@ -214,7 +214,9 @@ def solve(run: Run, task: Task) -> Solved:
         if _all_followed(run, followed):
             raise
     unsay()
-    run.say("warning", "planes.followed", "only the scans that the lidar alone could follow are used")
+    run.say(
+        "warning", "planes.followed", "only the scans over which the lidar's planes alone could be followed are used"
+    )
     alone = replace(schedule, planes=None, propagation=None)
     data, first, _ = begun or begin_here()
     return estimate_jointly(data, replace(first, iterations=iterations), alone)

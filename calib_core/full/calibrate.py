@@ -64,9 +64,9 @@ def calibrate_full(
         except Refused:
             say_again()
             raise failed from None
-        why = str(failed).partition(";")[0].replace("the planes chosen", "they", 1)  # without what to do
-        text = f"the planes chosen give no answer ({why}); it is by all that were found instead"
-        run.say("warning", "planes.instead", f"{text}: see which these are, or choose walls, floor and ceiling")
+        why = str(failed).partition(";")[0].replace("the chosen planes", "they", 1)  # without what to do
+        text = f"the chosen planes give no answer ({why}); the answer uses all planes that were found instead"
+        run.say("warning", "planes.instead", f"{text}: check these, or choose walls, floor and ceiling")
         return answer
 
 
@@ -128,7 +128,7 @@ def of_choice(
         if refused.code == "planes.doubtful":
             raise
         unsay()
-        text = "without the doubtful among these planes there is no answer, and all of them count"
+        text = "without the doubtful ones among these planes there is no answer, so all of them are used"
         run.say("info", "planes.open", f"{text}: {refused}")
         return answered(run, by_hand)
 
@@ -146,14 +146,14 @@ def own_planes(run: Run, followed: Followed, choice: Sequence[Plane], late: Sequ
 
 
 def _say_merged(run: Run, plane: Plane) -> None:
-    run.say("info", "planes.merged", f"{plane.name} is no plane of its own in the straightened sweep: left out")
+    run.say("info", "planes.merged", f"{plane.name} is part of another plane in the straightened sweep: left out")
 
 
 def _say_of_held_planes(run: Run, planes: Sequence[Plane] | None) -> None:
     """That planes are held which nobody has surveyed: proposed ones, or none in particular."""
     if not run.settings.estimate_planes and not (planes and all(not plane.suggested for plane in planes)):
-        text = "the planes are held where a single scan shows them, which may be centimetres off: let them be estimated too, "
-        run.say("warning", "planes.held", text + "unless they were surveyed")
+        text = "the planes are held where a single scan shows them, which may be wrong by centimetres"
+        run.say("warning", "planes.held", f"{text}: let the solve estimate them, unless they were surveyed")
 
 
 def _called_alike(some: Sequence[Plane], others: Sequence[Plane]) -> bool:

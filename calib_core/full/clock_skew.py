@@ -62,9 +62,9 @@ class ClockSkew:
         ms = 1e-6 * abs(self.rate) * float(stamps_ns[-1] - stamps_ns[0])
         how = "slow" if self.rate > 0.0 else "fast"
         text = (
-            f"the IMU's stamps run {abs(self.rate):.2%} {how} beside the lidar's, {ms:.0f} ms over the recording, as those do "
-            "that a driver counts up by a period that is not the sensor's own: they were stretched to one clock; let it stamp "
-            "readings as they come, or take them as they are by `--imu-sampling as-stamped`"
+            f"the IMU's stamps run {abs(self.rate):.2%} {how} beside the lidar's, {ms:.0f} ms over the recording, as if a driver "
+            "counted them up with a period that is not the sensor's: the stamps were rescaled; let the driver stamp readings as "
+            "they arrive, or keep the stamps as they are with `--imu-sampling as-stamped`"
         )
         return LogEvent(level="warning", code=RATE, text=text)
 
@@ -110,8 +110,8 @@ def without_skew(
                 begin_again(skew)
     raise Refused(
         RATE,
-        "the IMU's stamps run at no rate beside the lidar's that stays: let its driver stamp readings as they come, or take them "
-        "as they are by `--imu-sampling as-stamped`",
+        "the IMU's stamps do not run at a constant rate beside the lidar's: let the IMU's driver stamp readings as they arrive, "
+        "or keep the stamps as they are with `--imu-sampling as-stamped`",
     )
 
 

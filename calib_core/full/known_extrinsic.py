@@ -76,12 +76,12 @@ def held_motion(
         solved = _solved_motion(recording, settings, guess, on_event, should_cancel)
     except Refused as refused:
         raise InputError(
-            f"Expected the calibration of the sensors of {recording.name}, but that by {result.provenance.recording.name} does "
-            f"not fit this recording: {refused}; name the calibration of this rig, or calibrate this recording.",
+            f"Expected the calibration of the sensors of {recording.name}, but the one from {result.provenance.recording.name} "
+            f"does not fit this recording: {refused}; name the calibration of this rig, or calibrate this recording.",
             code="deskew.other_calibration",
         ) from refused
     if solved is None:
-        text = "The planes of this recording do not give its motion: only the gyroscope's turning is taken out."
+        text = "The planes of this recording do not determine its motion: only the gyroscope's rotation is taken out."
         on_event(LogEvent(level="warning", code="deskew.turning_only", text=text))
     return HeldMotion(solved, turning, correct)
 
@@ -98,8 +98,8 @@ def other_frames(recording: Recording, result: CalibrationResult) -> list[str]:
         ("IMU", recording.imu.frame_id, found.imu_frame_id),
     )
     return [
-        f"The {sensor} of {recording.name} is in the frame {here}, but the calibration by {found.name} is of the frame {there}: "
-        "its extrinsic holds where both are one sensor's same axes; check the drivers, or calibrate this one."
+        f"The {sensor} of {recording.name} is in the frame {here}, but the calibration from {found.name} is of the frame "
+        f"{there}: it is right only if both names mean the same axes; check the drivers, or calibrate this recording."
         for sensor, here, there in pairs
         if here and there and here.lstrip("/") != there.lstrip("/")
     ]
@@ -180,8 +180,8 @@ def held_calibration(
     """
     if result.T_imu_lidar is None or result.time_offset_ns is None:
         raise SettingsError(
-            f"Expected a calibration to take the motion out with, but the result of {result.provenance.recording.name} "
-            f"has the status `{result.status}` and holds none; calibrate a recording with more motion first."
+            f"Expected a result with a calibration, but that of {result.provenance.recording.name} has the status "
+            f"`{result.status}` and holds none; calibrate a recording with more motion first."
         )
     of_same = recording is not None and recording.sha256 and recording.sha256 == result.provenance.recording.sha256
     away_s = recording.middle_s - (result.time_offset_at_s or 0.0) if recording is not None and of_same else 0.0

@@ -39,10 +39,11 @@ class StampStep:
     @property
     def text(self) -> str:
         """To a person: what, by which evidence, what follows and what to do."""
-        kept = "" if self.spread > 0.5 else ", and the sensor keeps step with them"
+        kept = "" if self.spread > 0.5 else ", and the sensor samples in step with them"
         return (
             f"{self.whose}, all {self.count} of them, are multiples of {1e3 * self.step_s:.4g} ms{kept}: what was cut off is "
-            f"part of the time offset, {1e3 * self.std_s:.2g} ms of its standard deviation; let the driver stamp to microseconds"
+            f"part of the time offset, and {1e3 * self.std_s:.2g} ms of its standard deviation; let the driver stamp to "
+            "microseconds"
         )
 
 

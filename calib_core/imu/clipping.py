@@ -41,7 +41,7 @@ def clipped_text(shares: tuple[float, float]) -> str:
     share = max(shares)
     if share <= CLIPPED_SHARE:
         return ""
-    return f"the {worse_sensor(shares)} is clipped in {share:.2%} of its readings: motion there is not what it says"
+    return f"the {worse_sensor(shares)} is clipped in {share:.2%} of its readings, which do not show the true motion"
 
 
 def worse_sensor(shares: tuple[float, float]) -> str:

@@ -76,6 +76,6 @@ def coarse_text(stamps_s: FloatArray, imu: ImuData, noise: NoiseDensity) -> str:
     if not said:
         return ""
     return (
-        f"{' and '.join(said)}, and stay on them for longer than noise would let them: what is between is not read, and the "
+        f"{' and '.join(said)}, and stay on one for longer than noise would let them: what lies between is not measured, and the "
         "error bars count it; choose a smaller range in the IMU's driver"
     )

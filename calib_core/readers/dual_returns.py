@@ -62,8 +62,8 @@ def once_each(
     finding = Finding(
         code="points.twice",
         level="info",
-        text=f"{share:.0%} of the returns on {topic} are there twice, as of a lidar that sends two of a beam where there is one;"
-        " each counts once.",
+        text=f"{share:.0%} of the returns on {topic} are in the clouds twice, as from a lidar in dual mode that sends a single "
+        "return twice; each counts once.",
         evidence=(Clue("returns that are there already", share),),
         override="--repeated-returns as-sent",
     )

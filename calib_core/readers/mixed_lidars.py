@@ -66,7 +66,7 @@ def require_one_lidar(senders: Sequence[Sender], topic: str) -> None:
     if several:
         raise InputError(
             f"{counted(len(several), 'lidar')} share the topic {topic}: clouds of the frames"
-            f" {joined([_named(each) for each in several])} come in turn; record each lidar on a topic of its own.",
+            f" {joined([_named(each) for each in several])} alternate; record each lidar on a topic of its own.",
             code="points.several_lidars",
         )
 

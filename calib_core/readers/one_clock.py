@@ -66,11 +66,11 @@ def order_findings(counts: OrderCounts, topic: str) -> tuple[Finding, ...]:
     """What is said of clouds that came late, or twice."""
     found: list[Finding] = []
     if counts.twice:
-        text = f"{counts.twice} clouds on {topic} bear the stamp of another and hold its points; the first of each was kept."
+        text = f"{counts.twice} clouds on {topic} have the stamp and the points of another; the first of each was kept."
         found.append(Finding("points.sent_twice", "warning", text, (Clue("clouds sent twice", counts.twice),)))
     if counts.unlike:
         text = (
-            f"{counts.unlike} clouds on {topic} bear the stamp of another and hold other points; the first of each was kept,"
+            f"{counts.unlike} clouds on {topic} have the stamp of another but other points; the first of each was kept,"
             " the others were left out."
         )
         evidence = (Clue("clouds with another's stamp", counts.unlike),)

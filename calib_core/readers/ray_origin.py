@@ -57,13 +57,13 @@ def where_rays_meet(sample: Sequence[RawCloud], topic: str) -> tuple[Finding, ..
             code="points.other_frame",
             level="warning",
             text=f"The clouds on {topic} are not in their lidar's own frame: the rays of its lasers meet at ({at}) m of"
-            f" {sample[0].frame_id or 'theirs'}. The extrinsic is that of the frame that they are in, and what lasers are off by"
-            " is corrected along rays that do not begin there: let the driver publish them in the lidar's own frame.",
+            f" {sample[0].frame_id or 'theirs'}. The extrinsic then refers to the frame of the clouds, and laser corrections act "
+            "along wrong rays: let the driver publish the clouds in the lidar's own frame.",
             evidence=(
                 Clue("where the rays meet, from the frame's origin", round(away_m, 3), "m"),
                 Clue("tilt of the rotor's axis", round(tilt_deg, 2), "deg"),
             ),
-            consequence="Millimetres, where lasers read long or short.",
+            consequence="errors of millimetres, if lasers read long or short",
         ),
     )
 

@@ -89,8 +89,8 @@ def by_rows(sample: Sequence[RawCloud], decoder: CloudDecoder, topic: str) -> tu
     finding = Finding(
         code="points.rows",
         level="info",
-        text=f"the points on {topic} do not say which laser took them: {len(rows.middles_deg)} rows of elevation from"
-        f" {low:.1f} to {high:.1f} deg tell them apart, counted from the lowest, which is laser 0",
+        text=f"the points on {topic} do not say which laser measured them: the lasers are told apart by {len(rows.middles_deg)} "
+        f"rows of elevation from {low:.1f} to {high:.1f} deg; the lowest is laser 0",
         evidence=(Clue("rows of elevation", len(rows.middles_deg)),),
         override="--intrinsics",
     )

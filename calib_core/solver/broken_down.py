@@ -24,6 +24,6 @@ def arithmetic_or_refused() -> Iterator[None]:
         _LOG.info("the arithmetic of a calibration broke down", exc_info=True)
         raise Refused(
             BROKE_DOWN,
-            f"the solve's arithmetic broke down ({str(error).rstrip('.')}), so there is no answer; expected planes and motion "
-            "that tell one: choose other planes, give an initial guess, or record with more turning about different axes",
+            f"the solve's arithmetic broke down ({str(error).rstrip('.')}), so there is no answer; the planes or the motion "
+            "determine too little: choose other planes, give an initial guess, or record with more turning about different axes",
         ) from error

@@ -137,14 +137,13 @@ describe("the next step of a refusal", () => {
   // Fails when what is said of every recording in g is taken for a doubt; when two reasons together make one; when a bias
   // that wanders "29 times as fast" is taken for a gyroscope in degrees, and that is the first thing to do.
   it("leaves a unit alone that nothing speaks against", () => {
-    const inG = "Accelerations on /imu are in g: when quietest their norm is 1.00.";
-    expect(otherUnit(recording, [inG, "the planes chosen do not hold the motion"])).toBeNull();
+    const inG = "Accelerations on /imu are in g: at rest their norm is 1.00.";
+    expect(otherUnit(recording, [inG, "the chosen planes do not determine the motion"])).toBeNull();
     expect(otherUnit(recording, [inG, "the turns hang together (in units of 1 deg, 10 mm, 1 ms)"])).toBeNull();
     expect(otherUnit(recording, [inG, "the unit of the ranges is in doubt"])).toBeNull();
-    const wanders = "The gyroscope's bias wanders 29 times as fast as such sensors' do once they are warm";
+    const wanders = "The gyroscope's bias seems to drift 29 times as fast as that of such sensors once they are warm";
     expect(otherUnit(recording, [inG, wanders])).toBeNull();
-    const gravity =
-      "the best answer needs gravity to be 7.50 m/s², which it is nowhere on the Earth; the IMU's units are not what they seem";
+    const gravity = "the best answer needs gravity to be 7.50 m/s²; the IMU's units or the planes are probably wrong";
     expect(otherUnit(recording, [gravity])?.change).toEqual({ accelerometer_unit: "g" });
     const neither =
       "When quietest the accelerations on /imu have norm 3.10, which is gravity neither in m/s² nor in g; m/s² is assumed.";

@@ -56,11 +56,12 @@ it("leads to the sensor that is to be named", () => {
     code: "sensor.priors",
     text: `error bars are wider, 3.4 times in rotation${cure}`,
   });
-  expect(toName(said("; naming the IMU narrows them"))?.control).toBe("imuNoise");
-  expect(toName(said("; naming the IMU and the lidar narrows them"))?.control).toBe("imuNoise");
-  expect(toName(said("; naming the lidar narrows them"))?.control).toBe("lidar");
+  expect(toName(said("; name the IMU to narrow them"))?.control).toBe("imuNoise");
+  expect(toName(said("; name the IMU and the lidar to narrow them"))?.control).toBe("imuNoise");
+  expect(toName(said("; name the lidar to narrow them"))?.control).toBe("lidar");
+  expect(toName(said("; naming the lidar narrows them"))?.control).toBe("lidar"); // of an older version
   expect(toName(said(""))).toBeNull();
-  expect(toName({ ...said("; naming the IMU narrows them"), code: "sensor.clock" })).toBeNull();
+  expect(toName({ ...said("; name the IMU to narrow them"), code: "sensor.clock" })).toBeNull();
 });
 
 it("every parameter can be seen, and whether it was estimated", async () => {

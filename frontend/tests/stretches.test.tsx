@@ -20,7 +20,7 @@ const result = { evidence: { parts: { time_blocks: [block] }, time_offset_profil
 
 // Fails when the page counts for itself what the report counts too, or leaves out what it is told.
 it.each([
-  ["5 of 7 bars do, as noise has it", /cross zero, without a trend: 5 of 7 bars do, as noise has it\.$/],
+  ["5 of 7 bars do, as expected from noise", /cross zero, without a trend: 5 of 7 bars do, as expected from noise\.$/],
   ["", /cross zero, without a trend\.$/],
 ])("stretches' answers cross zero as the server counts: %s", (crossings, said) => {
   render(

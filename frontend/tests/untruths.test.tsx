@@ -44,7 +44,7 @@ describe("what to do now", () => {
           code: "imu.accelerometer_unit",
           text: "Accelerations on /imu are in g: at rest their norm is 1.00.",
         },
-        { level: "error", code: "planes.faulty", text: "the planes chosen do not hold the motion" },
+        { level: "error", code: "planes.faulty", text: "the chosen planes do not determine the motion" },
       ],
     };
     show(

@@ -333,16 +333,14 @@ def test_summary_has_the_biggest_few_of_the_sensors_own_errors(found: int, more:
     or one less than are left; a warning twice; the cost among what is left out; other messages along."""
     result = make_result(np.eye(3), np.zeros(3))
     told = [Message(code="sensor.laser_range", level="info", text=f"ring {k} reads 9 mm short") for k in range(found)]
-    told.append(Message(code="sensor.priors", level="info", text="it is not known which IMU there is"))
-    told.append(
-        Message(code="sensor.astray", level="warning", text="the sensors are taken as their data sheets have them")
-    )
+    told.append(Message(code="sensor.priors", level="info", text="the model of the IMU is not known"))
+    told.append(Message(code="sensor.astray", level="warning", text="the sensors' parameters are held instead"))
     told.append(Message(code="imu.noise", level="info", text="the IMU's noise"))
     result = result.model_copy(update={"messages": told})
     text = " ".join(shown(result_summary(result), width=200).split())
     assert [f"Ring {k} reads 9 mm short" in text for k in range(found)] == [k < 3 for k in range(found)]
-    assert text.count("t is not known which IMU there is") == 1
-    assert text.count("he sensors are taken as their data sheets have them") == 1
+    assert text.count("he model of the IMU is not known") == 1
+    assert text.count("he sensors' parameters are held instead") == 1
     assert "the IMU's noise" not in text
     assert (more in text) if more else ("more of the sensors" not in text)
 

@@ -227,7 +227,7 @@ def test_what_disagrees_is_named_and_no_sentence_below_says_otherwise():
     assert verdict(bent).startswith(
         "Calibrated. Parts of the recording (places on the planes) disagree by more than noise"
     )
-    assert solve_outcome(bent).stretches == "48 of 56 bars do, as noise has it"
+    assert solve_outcome(bent).stretches == "48 of 56 bars do, as expected from noise"
     assert "lie farther off" not in report_page(bent)
     torn = answered("time", "surfaces", "planes", "range", "lasers")
     every = ["stretches of time", "places on the planes", "planes", "near and far points", "lasers"]
@@ -428,7 +428,7 @@ def test_a_forecast_that_is_useless_says_so_and_what_to_do():
         assert useless is not None
         assert useless.weak
         assert "Position z" in useless.text
-        assert useless.text.endswith("does not tell it. Tilt the rig.")
+        assert useless.text.endswith("does not determine it. Tilt the rig.")
     silent = with_std(1.5).model_copy(
         update={"parameters": tuple(p.model_copy(update={"advice": ""}) for p in with_std(1.5).parameters)}
     )

@@ -136,7 +136,7 @@ def test_the_sensors_own_errors_stand_kind_by_kind():
         ("clock rate", 1, "estimated", "0.0 ± 4.2 ppm", "0.0080 ppm", 0),
         ("gyroscope rotation", 1, "estimated", "0.573 ± 0.057 deg", "0.46 deg", 1),
         ("gyroscope rotation", 1, "considered", "0.000 ± 0.057 deg", "0.46 deg", 0),
-        ("g sensitivity", 1, "estimated", "0.0562 ± 0.0056 deg/s a g", "4.5 deg/s a g", 1),
+        ("g sensitivity", 1, "estimated", "0.0562 ± 0.0056 deg/s per g", "4.5 deg/s per g", 1),
     ]
     page = report_page(result)
     assert "The IMU's axes here are those of nobody." in page
@@ -214,10 +214,10 @@ def test_parts_that_say_nothing_do_not_press_the_others_flat():
     assert looks["time offset"][1].shape == (8, 1)
     # Of each stretch the position along y is 2 mm off with a bar of 1 mm; all others are within theirs.
     assert agreement.crossing_zero(blocks) == (8 * 6, 8 * 7)
-    assert "48 of 56 bars do, as noise has it." in captions.time_blocks(blocks)
+    assert "48 of 56 bars do, as expected from noise." in captions.time_blocks(blocks)
     # The page shows what is served: mutation: none, or of the planes.
     answered = world.make_result().model_copy(update={"evidence": world.make_evidence()})
-    assert solve_outcome(answered).stretches == "48 of 56 bars do, as noise has it"
+    assert solve_outcome(answered).stretches == "48 of 56 bars do, as expected from noise"
     assert solve_outcome(answered.model_copy(update={"evidence": None})).stretches == ""
 
 
@@ -228,11 +228,11 @@ def test_it_is_said_whether_as_many_bars_cross_zero_as_should():
     for bars in (7, 21, 56, 140):
         fewest = int(binom.ppf(0.01, bars, 0.6827))
         told = [agreement.as_chance_has(crossing, bars) for crossing in (fewest - 1, fewest, bars)]
-        assert told == ["fewer than noise explains", "few, which noise alone may come to", "as noise has it"]
+        assert told == ["fewer than noise explains", "few, but noise alone may cause that", "as expected from noise"]
         usual = int(binom.ppf(0.16, bars, 0.6827))
         told = [agreement.as_chance_has(crossing, bars) for crossing in (usual - 1, usual)]
-        assert told == ["few, which noise alone may come to", "as noise has it"]
-    assert agreement.as_chance_has(38, 56) == "as noise has it"
+        assert told == ["few, but noise alone may cause that", "as expected from noise"]
+    assert agreement.as_chance_has(38, 56) == "as expected from noise"
     assert agreement.as_chance_has(29, 56) == "fewer than noise explains"
 
 

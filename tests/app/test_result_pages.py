@@ -47,13 +47,14 @@ def test_an_answer_that_rests_on_what_is_doubtful_says_so_first_and_is_not_green
     left_out = Message(code="planes.bent", level="warning", text="wall 5 is not flat: left out")
     result.messages.append(left_out)
     assert (tone(result), verdict(result)[:30]) == ("good", "Calibrated. One standard devia")
-    text = "wall 6 is not flat, and counts all the same, as the choice has it: leave it out and solve again"
+    text = "wall 6 is not flat, but is used because it was chosen: leave it out and solve again"
     result.messages.append(Message(code="planes.doubted", level="warning", text=text))
     assert tone(result) == "doubtful"
     assert verdict(result).startswith(f"Calibrated. W{text[1:]}. One standard deviation is")
     result.messages.append(Message(code="planes.doubted", level="warning", text=text.replace("6", "7")))
     assert verdict(result).startswith(
-        "Calibrated. 2 planes are doubtful and count all the same: leave them out and solve again. One standard deviation is"
+        "Calibrated. 2 planes are doubtful, but are used because they were chosen: leave them out and solve again. One standard "
+        "deviation is"
     )
 
 
@@ -61,12 +62,17 @@ def test_an_answer_that_some_chosen_planes_have_no_part_in_says_so_first_and_is_
     """Seen: the planes of another recording, one of which fits by chance, and a green answer. Mutations: green; after the sigmas;
     two told as one; nothing of what is doubtful beside."""
     result = world.make_result()
-    text = "no point lies on side 1 in the end: it counts for nothing, and may not be where it was put"
+    text = (
+        "no point lies on side 1 in the end: it has next to no effect on the answer, and may not be where it was placed"
+    )
     result.messages.append(Message(code="planes.unseen", level="warning", text=text))
     assert tone(result) == "doubtful"
     assert verdict(result).startswith(f"Calibrated. N{text[1:]}. One standard deviation is")
     result.messages.append(Message(code="planes.unseen", level="warning", text=text.replace("1", "2")))
-    told = "2 of the planes chosen count for next to nothing, and may not be where they were put. One standard deviation is"
+    told = (
+        "2 of the chosen planes have next to no effect on the answer, and may not be where they were placed. One standard "
+        "deviation is"
+    )
     assert verdict(result).startswith(f"Calibrated. {told}")
     result.messages.append(Message(code="planes.doubted", level="warning", text="wall is not flat"))
     assert verdict(result).startswith(f"Calibrated. Wall is not flat. {told}")
@@ -75,7 +81,9 @@ def test_an_answer_that_some_chosen_planes_have_no_part_in_says_so_first_and_is_
 def test_an_answer_by_other_planes_than_were_chosen_says_so_first_and_is_not_green():
     """Mutations: green; after the sigmas."""
     result = world.make_result()
-    text = "the planes chosen do not hold the motion: floor is not flat; the answer is by all that were found"
+    text = (
+        "the chosen planes do not determine the motion: floor is not flat; the answer uses all planes that were found"
+    )
     result.messages.append(Message(code="planes.instead", level="warning", text=text))
     assert tone(result) == "doubtful"
     assert verdict(result).startswith(f"Calibrated. T{text[1:]}. One standard deviation is")

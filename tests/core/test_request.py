@@ -65,7 +65,7 @@ def test_planes_of_one_name_get_names_of_their_own() -> None:
     back = replace(WALL, normal=np.array([-1.0, 0.0, 0.0]))
     said = Said()
     assert [plane.name for plane in each_once([WALL, side, back], said)] == ["wall", "wall (2)", "wall (3)"]
-    assert said[1] == "planes.named: two planes are called wall: one of them is wall (3) here"
+    assert said[1] == "planes.named: two planes are called wall: one of them is renamed wall (3)"
 
 
 def test_an_offset_that_is_held_and_not_given_is_that_of_one_clock() -> None:
@@ -78,7 +78,7 @@ def test_an_offset_that_is_held_and_not_given_is_that_of_one_clock() -> None:
     guess = with_offset_to_hold(recording, held, InitialGuess(R_imu_lidar=R), said)
     assert guess is not None
     assert (guess.time_offset_ns, guess.R_imu_lidar is R) == (0, True)
-    assert said[0].startswith("offset.held: no time offset was given to be held: it is held at 0")
+    assert said[0].startswith("offset.held: no time offset to hold was given: it is held at 0")
     alone = with_offset_to_hold(recording, held, None, said)
     assert alone is not None
     assert alone.time_offset_ns == 0
@@ -110,9 +110,9 @@ def test_what_the_published_method_does_not_obey_is_said() -> None:
         (obeyed.model_copy(update={"imu_noise": noise}), "imu noise"),
         (
             obeyed.model_copy(update={"imu_noise": noise.model_copy(update={"range_std_m": 0.02})}),
-            "imu noise but for the",
+            "imu noise (except the",
         ),
     ):
         said = Said()
         say_unused(settings, said)
-        assert [f"what was set of {named}" in text for text in said] == [True] * bool(named)
+        assert [f"ignores the settings {named}" in text for text in said] == [True] * bool(named)

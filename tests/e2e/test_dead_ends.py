@@ -191,7 +191,7 @@ def test_a_plane_that_is_insisted_on_is_said_first_and_left_out_by_a_button(
     (doubted,) = [patch["name"] for patch in api.planes(recording)["patches"] if patch["insisted"]]
     expect(row).to_contain_text(doubted)
     meter = page.get_by_role("status", name="Do these planes determine the answer")
-    expect(meter).to_contain_text(f"not foreseen: {doubted} counts though doubtful")
+    expect(meter).to_contain_text(f"No forecast for this choice: {doubted} is used though doubtful")
     expect(meter).not_to_contain_text("Least known")
     go_on(page, "Solve with")
     expect(page).to_have_url(re.compile("job="))
@@ -203,7 +203,9 @@ def test_a_plane_that_is_insisted_on_is_said_first_and_left_out_by_a_button(
     page.goto(f"/r/{recording}/result?job={insisted}")
     verdict = page.locator("header[data-tone]")
     expect(verdict).to_have_attribute("data-tone", "warning")
-    expect(verdict).to_contain_text(re.compile(rf"{doubted} is [^.]*, and counts all the same", re.IGNORECASE))
+    expect(verdict).to_contain_text(
+        re.compile(rf"{doubted} is [^.]*, but is used because it was chosen", re.IGNORECASE)
+    )
     page.get_by_role("button", name=re.compile("out and solve again$")).click()
     expect(page).to_have_url(re.compile(rf"job=(?!{insisted})"))
     expect(go).to_be_enabled(timeout=STEPS)

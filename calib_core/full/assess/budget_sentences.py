@@ -41,9 +41,9 @@ def say_shapes(run: Run, shift: FloatArray, others: FloatArray) -> None:
     run.say(
         "warning",
         SHAPES,
-        "planes are off flat, and their shape could not be estimated along, as it did not come to rest; the answer went by "
-        f"{turned_deg:.2g} deg and {moved_mm:.2g} mm with it, and the error bars are widened by that; choose planes that are "
-        "flat and stand still, or record where there are such",
+        "some planes are not flat, and the solve could not estimate their shape, as the estimate did not settle; the answer "
+        f"moved by {turned_deg:.2g} deg and {moved_mm:.2g} mm with it, and the error bars are widened by that; choose planes "
+        "that are flat and stand still, or record where there are such planes",
     )
 
 
@@ -51,14 +51,15 @@ def say_disagreement(run: Run, found: Sequence[Disagreement], beyond: FloatArray
     """Where parts of the recording disagree. beyond: (7, 7), scaled units, what the answer is widened by for it."""
     if not beyond.any():
         return
-    torn = ", and may be too narrow all the same: do not rely on them, and record again" if is_torn else ""
+    torn = ", but may still be too narrow: do not rely on them, and record again" if is_torn else ""
     parts = ", ".join(f"{_WORDS[each.name]} {each.ratio:.1f} times" for each in found if each.is_beyond_noise)
     lasers = "lasers that read short or long, " if any(d.name == "lasers" and d.is_beyond_noise for d in found) else ""
     run.say(
         "warning",
         DISAGREEMENT,
-        f"the parts of the recording disagree by more than noise explains ({parts}): surfaces that are not flat, a mount that "
-        f"gives, {lasers}or a fault that nothing models; the error bars are widened, most for {named_direction(beyond)}{torn}",
+        f"the parts of the recording disagree by more than noise explains ({parts}); the cause may be surfaces that are not "
+        f"flat, a mount that bends, {lasers}or an error that the model does not contain; the error bars are widened, most for "
+        f"{named_direction(beyond)}{torn}",
     )
 
 

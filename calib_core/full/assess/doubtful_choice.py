@@ -28,18 +28,18 @@ def say_doubtful_choice(run: Run, solved: Solved, *, faults_count: bool = True, 
         if plane.chosen and count < PLAUSIBLE.unseen_share * sum(points):
             seen_by = f"{count} of {sum(points):,} points lie" if count else "no point lies"
             what = f"{plane.name} {WORDS[fault]}, and {seen_by} on it" if fault else f"{seen_by} on {plane.name}"
-            text = f"{what} in the end: it counts for nothing, and may not be where it was put"
+            text = f"{what} in the end: it has next to no effect on the answer, and may not be where it was placed"
             run.say("warning", "planes.unseen", text)
         elif plane.chosen and fault:
             run.say(
                 "warning",
                 "planes.doubted",
-                f"{plane.name} {WORDS[fault]}, and counts all the same, as the choice has it: leave it out and solve again",
+                f"{plane.name} {WORDS[fault]}, but is used because it was chosen: leave it out and solve again",
             )
     if faults_count and is_mostly_bent(stand):
         run.say(
             "warning",
             "planes.bent",
-            "the chosen planes are mostly not flat, or not what they seem; choose walls, floor and ceiling, or use the "
-            "suggestion",
+            "most of the chosen planes are not flat, or are not planes at all; choose walls, floor and ceiling, or use the "
+            "suggested planes",
         )

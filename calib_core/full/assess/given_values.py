@@ -43,9 +43,9 @@ class Contradiction:
     @property
     def text(self) -> str:
         """For a person."""
-        bent = "all else was bent to fit" if self.bends else "the calibration is hardly bent by it"
+        bent = "everything else was bent to fit it" if self.bends else "it hardly changes the calibration"
         return (
-            f"what was given for the {self.what} contradicts the recording, which alone would have it "
+            f"what was given for the {self.what} contradicts the recording, which by itself puts it "
             f"{self.away} away ({self.sigmas:.0f} standard deviations): {bent}; correct it, or solve without it"
         )
 

@@ -34,8 +34,8 @@ def told_materials(solved: Solved) -> tuple[tuple[str, str], ...]:
     how = "long" if long_m[worst] > 0 else "short"
     more = "" if len(off) == 1 else f" ({len(off) - 1} more {'is' if len(off) == 2 else 'are'} off)"
     text = (
-        f"{solved.planes[worst].name} reads {two_digits(abs(long_m[worst]) * 1e3)} mm {how} beside the other planes, as dark or "
-        f"soft walls may{more}; ranges were corrected for it"
+        f"{solved.planes[worst].name} reads {two_digits(abs(long_m[worst]) * 1e3)} mm {how} compared with the other planes, as "
+        f"dark or soft walls may{more}; ranges were corrected for it"
     )
     return (("planes.material", text),)
 

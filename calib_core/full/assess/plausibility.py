@@ -17,24 +17,24 @@ from calib_core.solver.information import covariance_of
 
 def implausible(run: Run, solved: Solved) -> str | None:
     """Why an answer that the descent is content with cannot be true, or None."""
-    hint = "the time stamps, the IMU's units or the planes are not what they seem: see `unsweep inspect`"
+    hint = "the time stamps, the IMU's units or the planes are probably wrong: check them with `unsweep inspect`"
     gravity = run.settings.gravity
     magnitude = float(np.linalg.norm(solved.estimate.gravity))
     away = abs(magnitude - gravity.magnitude_m_s2)
     if gravity.std_m_s2 > 0 and _beyond_gravity(solved, away, gravity.std_m_s2):
-        return f"the best answer needs gravity to be {magnitude:.2f} m/s², which it is nowhere on the Earth; {hint}"
+        return f"the best answer needs gravity to be {magnitude:.2f} m/s², which is found nowhere on Earth; {hint}"
     gyro_bias = float(np.linalg.norm(solved.estimate.gyro_bias, axis=1).max())
     accel_bias = float(np.linalg.norm(solved.estimate.accel_bias, axis=1).max())
     if gyro_bias > PLAUSIBLE.worst_gyro_bias_rad_s or accel_bias > PLAUSIBLE.worst_accel_bias_m_s2:
         return (
-            f"the best answer needs an IMU that is off by {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s², more "
-            f"than any that works; {hint}"
+            f"the best answer needs IMU biases of {np.degrees(gyro_bias):.1f} deg/s and {accel_bias:.2f} m/s², more than any "
+            f"working IMU has; {hint}"
         )
     rest = misfit(solved.problem, solved.estimate)
     if rest > PLAUSIBLE.worst_misfit and away_m(solved.problem, solved.estimate) > PLAUSIBLE.worst_away_m:
         return (
-            f"the best answer leaves averaged distances {np.sqrt(rest):.0f} times what range noise allows, so the motion "
-            f"does not explain the points; {hint}"
+            f"with the best answer the points' averaged distances from their planes are {np.sqrt(rest):.0f} times what range "
+            f"noise allows, so the motion does not explain the points; {hint}"
         )
     return None
 
@@ -58,14 +58,14 @@ def _beyond_gravity(solved: Solved, away: float, prior_std_m_s2: float) -> bool:
 
 def borne_out(unit_text: str) -> str:
     """What is said of the gyroscope's unit, where the lidar's own turning agrees: in the other unit it would be 57 times off."""
-    return f"{unit_text.split(' (', maxsplit=1)[0].rstrip('.')}: the lidar turns just as fast."
+    return f"{unit_text.split(' (', maxsplit=1)[0].rstrip('.')}: the lidar turns at the same rate."
 
 
 #: What is said of a sign that gravity's turning alone had seem flipped, where the lidar's motion, which tells all of them, fits.
 SIGNS_BORNE_OUT = "imu.signs_borne_out"
 SIGNS_RIGHT = (
-    "By gravity's turning alone, beside the rig's own accelerations, the sign of some axis of the IMU seemed flipped: beside the"
-    " lidar's motion none is."
+    "Judged by the direction of gravity alone, the sign of an axis of the IMU seemed to be flipped; judged by the lidar's motion,"
+    " none is."
 )
 
 

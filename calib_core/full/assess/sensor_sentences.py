@@ -20,7 +20,9 @@ _Said = Iterator[tuple[Sequence[Intrinsic], str, str]]
 def sentences(parameters: Sequence[Intrinsic], *, corrected: bool) -> list[tuple[str, str]]:
     """Code and text, what is farthest off in its own sigmas first."""
     by = {str(block): [p for p in parameters if p.block == block and p.significant] for block in UNITS}
-    ranges = "ranges were corrected for it" if corrected else "ranges were not corrected, the error bars count it"
+    ranges = (
+        "ranges were corrected for it" if corrected else "ranges were not corrected, but the error bars allow for it"
+    )
     taken = "it was taken out" if corrected else "it is counted in the error bars"
     told = [
         (max(abs(p.value) / p.std for p in off), code, text)
@@ -43,36 +45,42 @@ def _of_lidar(by: _ByBlock, ranges: str, taken: str) -> _Said:
         yield lasers, "sensor.laser_elevation", text
     if grazing := by["grazing"]:
         short_mm, how = grazing[0].value * 1e3, "short" if grazing[0].value > 0 else "long"
-        text = f"walls met slantwise read {how}, by {two_digits(abs(short_mm))} mm a metre at 45 deg; {ranges}"
+        text = f"walls hit at a slant read {how}, by {two_digits(abs(short_mm))} mm per metre at 45 deg; {ranges}"
         yield grazing, "sensor.grazing", text
 
 
 def _of_both_triads(by: _ByBlock, taken: str) -> _Said:
     if turned := [*by["gyroscope_rotation"], *by["gyroscope_axes"], *by["accelerometer_axes"]]:
         most_deg = np.degrees(max(abs(p.value) for p in turned))
-        text = f"the IMU's axes are up to {most_deg:.2f} deg off square or against one another; {taken}"
+        text = f"the IMU's axes are up to {most_deg:.2f} deg off right angles, or off each other's directions; {taken}"
         yield turned, "sensor.axes", text
     if late := by["accelerometer_delay"]:
         how = "behind" if late[0].value > 0 else "ahead of"
-        text = f"the accelerometer is {abs(late[0].value) * 1e3:.2f} ms {how} the gyroscope; {taken}"
+        text = f"the accelerometer's readings are {abs(late[0].value) * 1e3:.2f} ms {how} the gyroscope's; {taken}"
         yield late, "sensor.delay", text
     if felt := by["g_sensitivity"]:
         most = np.degrees(max(abs(p.value) for p in felt)) * STANDARD_GRAVITY_M_S2
-        yield felt, "sensor.g_sensitivity", f"the gyroscope feels forces, up to {most:.3f} deg/s a g; {taken}"
+        yield (
+            felt,
+            "sensor.g_sensitivity",
+            f"the gyroscope reacts to acceleration, by up to {most:.3f} deg/s per g; {taken}",
+        )
     if smeared := by["low_pass_spread"]:
         worst = max(smeared, key=lambda p: abs(p.value))
         share = 0.5 * abs(worst.value) * _HAND_RAD_S**2
         how = "little" if worst.value > 0 else "much"
-        text = f"behind the IMU's own low-pass filter the {worst.name} reads {share:.2%} too {how} of motion of 2 Hz; {taken}"
+        text = (
+            f"because of the IMU's low-pass filter the {worst.name} reads {share:.2%} too {how} of 2 Hz motion; {taken}"
+        )
         yield smeared, "sensor.low_pass", text
     if skew := by["low_pass_skew"]:
         worst = max(skew, key=lambda p: abs(p.value))
         ms, how = 1e3 * worst.value * _HAND_RAD_S**2 / 6.0, "early" if worst.value > 0 else "late"
-        text = f"behind the IMU's own low-pass filter the {worst.name} reads motion of 2 Hz {two_digits(abs(ms))} ms too {how}"
-        yield skew, "sensor.low_pass_skew", f"{text} beside slow motion; {taken}"
+        text = f"because of the IMU's low-pass filter the {worst.name} reads 2 Hz motion {two_digits(abs(ms))} ms too {how}"
+        yield skew, "sensor.low_pass_skew", f"{text} compared with slow motion; {taken}"
     if rate := by["clock_rate"]:
         how = "gains" if rate[0].value > 0 else "loses"
-        text = f"the lidar's clock {how} {abs(rate[0].value):.1f} millionths on the IMU's; {taken}"
+        text = f"the lidar's clock {how} {abs(rate[0].value):.1f} ppm on the IMU's; {taken}"
         yield rate, "sensor.clock", text
 
 
@@ -85,7 +93,9 @@ def _of_each_triad(by: _ByBlock, taken: str) -> _Said:
     if bent := by["accelerometer_quadratic"]:
         worst = max(bent, key=lambda p: abs(p.value))
         mg = two_digits(1e3 * abs(worst.value) * STANDARD_GRAVITY_M_S2)
-        text = f"the accelerometer's {worst.name} axis is no straight line: {mg} mg too {_how(worst)} at one g; {taken}"
+        text = (
+            f"the accelerometer's {worst.name} axis is not linear: it reads {mg} mg too {_how(worst)} at one g; {taken}"
+        )
         yield bent, "sensor.accelerometer_quadratic", text
 
 
@@ -97,8 +107,8 @@ def _apart(beside: Sequence[Intrinsic], taken: str) -> str:
     r_m = np.reshape([p.value for p in beside], (3, 3))
     most_mm = 1e3 * max(float(np.linalg.norm(r_m[a] - r_m[b])) for a, b in ((0, 1), (0, 2), (1, 2)))
     prior_mm = 1e3 * beside[0].prior_std / len(r_m) ** 0.5
-    text = f"the IMU's accelerometers are up to {two_digits(most_mm)} mm apart; {taken}. The translation is the one to their "
-    return text + f"middle, which may be {two_digits(prior_mm)} mm from the IMU's origin along each axis"
+    text = f"the IMU's accelerometers are up to {two_digits(most_mm)} mm apart; {taken}. The translation refers to "
+    return text + f"their middle, which may be {two_digits(prior_mm)} mm from the IMU's origin along each axis"
 
 
 def _lasers(lasers: Sequence[Intrinsic]) -> str:

@@ -91,10 +91,7 @@ def sensor_findings(
             )
     told = sentences(parameters, corrected=considered is None)
     if doubtful:
-        told = [
-            (code, f"{text}; parts of the recording disagree, and this may come of what they disagree about")
-            for code, text in told
-        ]
+        told = [(code, f"{text}; this may be wrong, because parts of the recording disagree") for code, text in told]
     return SensorFindings(tuple(parameters), tuple(told))
 
 
@@ -130,17 +127,20 @@ def told_cost(run: Run, solved: Solved, considered: Considered | None) -> tuple[
         return ()
     told = [f"{a:.1f} times in {name}" if a >= WORDING.counted else "" for a, name in zip(times, _GROUPS, strict=True)]
     if told[0] and (turned := _of_the_gyroscope(solved)) < times[0]:
-        told[0] += f" ({turned:.1f} times into the gyroscope's own axes)"
+        told[0] += f" ({turned:.1f} times for the rotation into the gyroscope's own axes)"
     widened = ", ".join(filter(None, told))
     unnamed = _unnamed(run)
-    why, cure = "the sensors may be off by what their data sheets allow", ""
+    why, cure = "the sensors may be off by as much as their data sheets allow", ""
     if run.beyond_sheets:
-        why = "not all sensors are as good as their data sheets have them, so that more is allowed for errors of their own"
+        why = "some sensors are worse than their data sheets say, so that larger errors of them are allowed for"
     if unnamed:
+        models = "model of the" if len(unnamed) == 1 else "models of"
         these = "is" if len(unnamed) == 1 else "are"
-        why = f"it is not known which {' and '.join(unnamed)} there {these}, so that much is allowed for errors of their own"
-        cure = f"; naming the {' and the '.join(unnamed)} narrows them"
-    return (("sensor.priors", f"{why}: error bars are wider for it than with exact sensors, {widened}{cure}"),)
+        why = (
+            f"the {models} {' and '.join(unnamed)} {these} not known, so that large errors of their own are allowed for"
+        )
+        cure = f"; name the {' and the '.join(unnamed)} to narrow them"
+    return (("sensor.priors", f"{why}: this makes the error bars wider than with exact sensors, {widened}{cure}"),)
 
 
 def _of_the_gyroscope(solved: Solved) -> float:

@@ -25,24 +25,24 @@ _GROUPS: tuple[tuple[str, Unit], ...] = (("the rotation", "deg"), ("the translat
 _CALLED: dict[Block, str] = {
     "gyroscope_scale": "the gyroscope's scale",
     "gyroscope_axes": "the angles between the gyroscope's axes",
-    "gyroscope_rotation": "the gyroscope's turn against the accelerometer",
+    "gyroscope_rotation": "the gyroscope's rotation against the accelerometer",
     "accelerometer_scale": "the accelerometer's scale",
     "accelerometer_axes": "the angles between the accelerometer's axes",
     "accelerometer_delay": "the accelerometer's delay",
-    "accelerometer_quadratic": "how the accelerometer's lines bend",
-    "g_sensitivity": "what the gyroscope feels of forces",
-    "size_effect": "where the accelerometers sit",
-    "low_pass_spread": "how the IMU's filter smears motion",
-    "low_pass_skew": "how lopsided the IMU's filter smears motion",
-    "clock_rate": "the clocks' rate",
+    "accelerometer_quadratic": "the accelerometer's nonlinearity",
+    "g_sensitivity": "the gyroscope's sensitivity to acceleration",
+    "size_effect": "the distances between the accelerometers",
+    "low_pass_spread": "the smoothing by the IMU's low-pass filter",
+    "low_pass_skew": "the asymmetry of the IMU's low-pass filter",
+    "clock_rate": "the difference of the clocks' rates",
     "laser_range_offset": "range offsets of lasers",
     "laser_elevation": "elevations of lasers",
     "laser_azimuth": "azimuths of lasers",
     "laser_range_scale": "range scales of lasers",
     "eccentricity": "the encoder's eccentricity",
     "range_offset": "a range offset of all lasers",
-    "incidence": "a range offset that grows with slant",
-    "grazing": "a range that is short by the depth of the beam's spot",
+    "incidence": "a range offset that grows with the angle of incidence",
+    "grazing": "a range error at grazing incidence",
 }
 
 
@@ -74,7 +74,7 @@ def told_considered(parameters: Sequence[Intrinsic], covariance: FloatArray) -> 
             if times >= WORDING.counted
         )
         size = f"{_size(mine[0])}{' each' if len(mine) > 1 else ''}, 1 sigma"
-        text = f"not estimated but counted in the error bars: {called} ({size}) could move {moves}"
+        text = f"not estimated, but counted in the error bars: {called} ({size}) could move {moves}"
         found.append((float(wider.max()), (CONSIDERED, text)))
     return [told for _, told in sorted(found, key=lambda each: -each[0])]
 
@@ -106,11 +106,11 @@ def _size(one: Intrinsic) -> str:
     if one.unit == "rad":
         return std_text(float(np.degrees(std)), "deg")
     if one.unit == "ppm":
-        return f"{two_digits(std)} millionths"
+        return f"{two_digits(std)} ppm"
     if one.unit == "m":
         return std_text(std, "m")
     if one.unit == "s":
         return std_text(std, "s")
     if one.block == "g_sensitivity":
-        return f"{two_digits(float(np.degrees(std)) * STANDARD_GRAVITY_M_S2)} deg/s a g"
+        return f"{two_digits(float(np.degrees(std)) * STANDARD_GRAVITY_M_S2)} deg/s per g"
     return f"{two_digits(std)} {one.unit.translate(_RAISED)}"

@@ -33,7 +33,7 @@ from calib_core.types import Trajectory
 
 _NO_ANSWER = (
     "the joint solve found no stable answer: the planes or the motion do not fit the data; leave out planes that can move or "
-    "bend, or choose others that face three ways"
+    "bend, or choose others that face three different directions"
 )
 
 
@@ -51,8 +51,8 @@ def weigh(run: Run, solved: Solved, *, is_choice: bool) -> Confidence:
     if points < PLAUSIBLE.fewest_points or chi2 > PLAUSIBLE.worst_chi2:
         raise Refused(
             "solve.inconsistent",
-            f"the best answer leaves residuals {np.sqrt(chi2):.1f} times their noise on {points} points; the stamps, the "
-            "per-point times or the planes are not what they seem: see `unsweep inspect`",
+            f"with the best answer the residuals of {points} points are {np.sqrt(chi2):.1f} times their noise; the stamps, the "
+            "per-point times or the planes are probably wrong: check them with `unsweep inspect`",
         )
     wrong = implausible(run, solved)
     if wrong is not None:

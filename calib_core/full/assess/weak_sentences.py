@@ -105,8 +105,8 @@ def advice(
     if weak and scans is not None and scans[0] < WORDING.most_scans * scans[1]:
         about = tuple(i for i, axis in enumerate(COVARIANCE_ORDER) if axis in weak)
         text = (
-            f"Only {scans[0]} of {scans[1]} scans count: in the others the planes told too little of where the lidar was. Keep "
-            "three that face different ways in view, some metres away."
+            f"Only {scans[0]} of {scans[1]} scans count: in the others the planes did not determine where the lidar was. Keep "
+            "three planes that face different directions in view, some metres away."
         )
         return [Advice(text, about)]
     # By the axis to turn about: what one turning makes known is said once.
@@ -128,7 +128,7 @@ def advice(
         lidar_turning = np.abs(R_imu_lidar.T) @ turning_std_rad_s
         quiet_axis = int(np.argmin(lidar_turning))
         text = (
-            "To determine the rotation, turn about two different axes; there is least turning about the lidar's "
+            "To determine the rotation, turn about two different axes; the recording turns least about the lidar's "
             f"{axes[quiet_axis]} axis."
         )
         out.append(Advice(text, (0, 1, 2)))
@@ -144,8 +144,8 @@ def _of_sensors(axes: Sequence[Axis]) -> list[Advice]:
     whole = {"r": "rotation", "t": "translation", "d": "time offset"}
     named = list(dict.fromkeys(whole[axis[0]] for axis in COVARIANCE_ORDER if axis in axes))
     text = (
-        f"The {' and '.join(named)} {'is' if not named[1:] else 'are'} weak only by what the sensors may be off by, which is "
-        "counted and not estimated: let it be estimated (`--intrinsics auto`), or name an IMU whose data sheet allows less; "
-        "no other motion is needed."
+        f"The {' and '.join(named)} {'is' if not named[1:] else 'are'} weak only because of possible sensor errors, which are "
+        "counted but not estimated: estimate them (`--intrinsics auto`), or name an IMU whose data sheet allows less; no other "
+        "motion is needed."
     )
     return [Advice(text, about)]

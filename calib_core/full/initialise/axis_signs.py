@@ -43,7 +43,7 @@ def unit_complaint(lidar: LidarTrack, imu_s: FloatArray, imu: ImuData) -> str:
     unit = "deg_s" if found.ratio > 1.0 else "rad_s"
     return (
         f"the gyroscope turns {found.ratio:.3g} times as fast as the lidar, so its readings are in another unit than was"
-        f" taken; pass --gyroscope-unit {unit}"
+        f" assumed; pass --gyroscope-unit {unit}"
     )
 
 
@@ -59,7 +59,7 @@ def gravity_complaint(imu_s: FloatArray, imu: ImuData, gravity_m_s2: float) -> s
     if ratio * np.sqrt(STANDARD_GRAVITY_M_S2) > 1.0 and ratio < np.sqrt(STANDARD_GRAVITY_M_S2):
         return ""
     return (
-        f"the accelerometer shows {ratio:.3g} times gravity, so its readings are in another unit than was taken; pass "
+        f"the accelerometer shows {ratio:.3g} times gravity, so its readings are in another unit than was assumed; pass "
         f"--accelerometer-unit {'m_s2' if ratio > 1.0 else 'g'}"
     )
 
@@ -92,7 +92,7 @@ def axis_complaint(
             trials.append((_rms(lidar, imu_s, imu.accel_m_s2, trial, gravity_m_s2), f"gyroscope's {named}"))
             if signs[2] < 0 and np.sum(signs < 0) == 1:  # any other odd number of both is this one, turned
                 both = _rms(lidar, imu_s, imu.accel_m_s2 * signs, trial, gravity_m_s2)
-                trials.append((both, f"gyroscope's {named}, and of the accelerometer's like one,"))
+                trials.append((both, f"gyroscope's {named} and of the accelerometer's {named}"))
         trial = replace(start, time_offset_s=lag_s, R_imu_lidar=rotation)
         sensor = "accelerometer's" if np.prod(signs) < 0 else "gyroscope's or the accelerometer's"
         trials.append((_rms(lidar, imu_s, imu.accel_m_s2 * signs, trial, gravity_m_s2), f"{sensor} {named}"))
@@ -102,7 +102,7 @@ def axis_complaint(
     # A lidar whose clouds are mirrored and an accelerometer with all three signs turned round are the same to both motions.
     where = "in the IMU's driver" + (", or the lidar's if its clouds are mirrored," if named == _ALL else "")
     return (
-        f"the signs of the {named} do not fit the lidar's motion: with them flipped, its accelerations and turns fit"
+        f"the signs of the {named} do not fit the lidar's motion: with these signs flipped, accelerations and rotations fit"
         f" {linear.rms / best:.0f} times as well; correct the axes {where} and record again"
     )
 

@@ -74,20 +74,21 @@ def _require_measured_points(run: Run, raw: RotationStart, straight: Sequence[Ro
     if not straight or raw.correlation < AGREEING.trusted or left < AGREEING.bent * raw.residual:
         return
     shown = (
-        "with what the gyroscope turned within the sweeps taken out of them, the turns from sweep to sweep are off its own by "
-        f"{left:.2f} of their size, and without that by {raw.residual:.2f}"
+        "the rotations from sweep to sweep differ from the gyroscope's by a share of "
+        f"{raw.residual:.2f} as the clouds are, and of {left:.2f} with the motion within each sweep taken out"
     )
     backwards, _ = _by_pairs(run, _Backwards(run.recording.scans), GyroTurning.of(run, raw))
     if _left(backwards) < raw.residual:
         raise Refused(
             "points.times_backwards",
-            f"the times of the points run backwards: {shown}, with times turned round by {_left(backwards):.2f}; expected less "
-            "as they are; correct the points' times in the lidar's driver",
+            f"the times of the points run backwards: {shown}, but only of {_left(backwards):.2f} with the times reversed; "
+            "expected the second to be the smallest; correct the points' times in the lidar's driver",
         )
     raise Refused(
         "points.straightened",
-        "the clouds were straightened before they were recorded, or their points' times are not those of their measurement: "
-        f"{shown}; expected less; record the driver's own clouds, with its motion compensation switched off",
+        "the motion was taken out of the clouds before they were recorded, or the points' times are not those of their "
+        f"measurement: {shown}; expected the second to be smaller; record the driver's own clouds, with its motion compensation "
+        "switched off",
     )
 
 

@@ -75,8 +75,8 @@ def _require_held(
     from_own = f", from which it is {' and '.join(away)}" if away else ""
     raise Refused(
         HELD_REFUTED,
-        f"by it lidar and IMU turn differently, by {100 * held:.0f} % of their turning, where {100 * alone:.0f} % is left by the "
-        f"recording's own rotation and time offset{from_own}",
+        f"with it the rotations of lidar and IMU differ by {100 * held:.0f} % of their size, while they differ by "
+        f"{100 * alone:.0f} % with the recording's own rotation and time offset{from_own}",
     )
 
 
@@ -95,8 +95,8 @@ def _at_offset(
     run.say(
         "warning",
         "start.guess_refuted",
-        f"the time offset of the initial guess is {abs(away_s):.3g} s {'above' if away_s > 0 else 'below'} the one at which both "
-        "sensors turn alike: the solve starts from the latter",
+        f"the time offset of the initial guess is {abs(away_s):.3g} s {'above' if away_s > 0 else 'below'} the one at which the "
+        "rotations of both sensors agree: the solve starts from that one instead",
     )
     return base
 
@@ -111,12 +111,12 @@ def _refuted(run: Run, track: LidarTrack, base: RotationStart, R_imu_lidar: np.n
     if not is_worse(given, own):
         return False
     away_deg = np.degrees(np.linalg.norm(log(base.R_imu_lidar.T @ R_imu_lidar)))
-    inverted = "" if is_worse(inverse, own) else "; it fits the other way round, as T_lidar_imu"
+    inverted = "" if is_worse(inverse, own) else "; its inverse fits, so it may be T_lidar_imu"
     run.say(
         "warning",
         "start.guess_refuted",
-        f"the rotation of the initial guess is turned by {away_deg:.3g} deg from the one under which both sensors turn "
-        f"alike{inverted}: the solve starts from the latter",
+        f"the rotation of the initial guess is {away_deg:.3g} deg from the one with which the rotations of both sensors "
+        f"agree{inverted}: the solve starts from that one instead",
     )
     return True
 
@@ -134,7 +134,7 @@ def with_lever_arm(run: Run, found: LinearStart, as_given: LinearStart, p_imu_li
     run.say(
         "warning",
         "start.guess_refuted",
-        f"the translation of the initial guess is {away_m:.2g} m from the one by which both sensors move alike: the solve starts "
-        "from the latter",
+        f"the translation of the initial guess is {away_m:.2g} m from the one with which the motions of both sensors agree: the "
+        "solve starts from that one instead",
     )
     return found

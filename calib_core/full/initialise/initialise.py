@@ -73,8 +73,8 @@ def initialise(
         run.say(
             "info",
             "start.open_turn",
-            "all turning is about one axis and the accelerations hardly tell how the IMU is turned about it: the solve starts "
-            "where the planes are plumb and level",
+            "all rotation is about one axis, and the accelerations hardly tell how the IMU is turned about it: the solve starts "
+            "where walls are plumb and floors level",
         )
     run.stage("initialise", 1.0)
     rotation, linear = chosen.rotation, chosen.linear
@@ -128,7 +128,7 @@ def _of_nearest_lag(run: Run, trials: Sequence[Start]) -> list[Start]:
         "warning",
         "start.repeats",
         f"the motion repeats itself: a time offset that differs by {told}{more} fits as well, and the one nearest to the stamps' "
-        "own is taken; where clocks may be that far apart, give the time offset, or record with a move that comes once",
+        "own is used; if the clocks may be that far apart, give the time offset, or record a move that comes only once",
     )
     return [t for t in trials if t.rotation.time_offset_s == own_s]
 
@@ -167,8 +167,8 @@ def _nothing_to_compare(recording: Recording, followed: int) -> Refused:
     if followed < FOLLOWING.followed_share * scans:
         return Refused(
             "planes.lost",
-            f"the lidar could be followed over {followed} of {scans} scans only, too few to compare its motion with the IMU's; "
-            "record more slowly, where three planes that face different ways stay in view",
+            f"the lidar could be followed over only {followed} of {scans} scans, too few to compare its motion with the IMU's; "
+            "move more slowly, and keep three planes that face different directions in view",
         )
     if seconds < ROTATING.overlap_s:
         after = f", from {recording.skipped_s:.1f} s of the recording on," if recording.skipped_s else ""
@@ -179,6 +179,6 @@ def _nothing_to_compare(recording: Recording, followed: int) -> Refused:
         )
     return Refused(
         "start.no_overlap",
-        "the lidar and the IMU share no stretch of time long enough to compare their motion: their stamps are of different "
-        "times; see `unsweep inspect`, or give the time offset",
+        "the stamps of lidar and IMU overlap too little to compare their motion: they are of different times; see "
+        "`unsweep inspect`, or give the time offset",
     )

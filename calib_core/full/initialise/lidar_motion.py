@@ -45,7 +45,7 @@ from calib_core.types import Plane, PlaneProposals
 Known = tuple[Followed, TrackCheck | None]
 #: Lag and rotation from turns between neighbouring scans, and how well they agree; found once, by whoever asks first.
 Pairs = Callable[[], tuple[list[RotationStart], Agreement]]
-_BY_IMU = "the lidar's motion was tracked with the IMU's help: by its planes alone it had gone astray"
+_BY_IMU = "the lidar's motion was tracked with the IMU's help: with its planes alone the track went wrong"
 
 
 def begin(
@@ -148,7 +148,7 @@ def _by_planes(
     if best is not aided:
         run.say("info", "track.aided", _BY_IMU)
     elif best is not first or (first is not near and first.reference == reference):
-        text = "the lidar's motion was tracked with the gyroscope's help: its planes alone tell too little"
+        text = "the lidar's motion was tracked with the gyroscope's help: its planes alone do not determine it"
         run.say("info", "track.aided", text)
     return best, agreed
 

@@ -48,12 +48,14 @@ def _meaning(curve: FloatArray, top: int, best_s: float, sweep: int) -> str:
     # Noise alone keeps the highest value from 1, so that a fall of no more is no fall.
     fallen = curve < curve[top] - max(1.0 - float(curve[top]), PROFILE.least_fall)
     if abs(best_s) > PROFILE.step_s and fallen[len(curve) // 2]:
-        return f", more than its step of {1e3 * PROFILE.step_s:.0f} ms away: the answer and the turning disagree"
+        return (
+            f", more than its step of {1e3 * PROFILE.step_s:.0f} ms away: the rotation rates disagree with the answer"
+        )
     beside = [at for at in (top - sweep, top + sweep) if 0 <= at < len(curve) and np.isfinite(curve[at])]
     if not all(fallen[at] for at in beside):
         return (
-            f", but {1e3 * PROFILE.step_s * sweep:.0f} ms beside it the match is as good but for noise: the motion is too smooth "
-            "for the turning alone to tell"
+            f", but {1e3 * PROFILE.step_s * sweep:.0f} ms away the match is equally good within noise: the motion is too smooth "
+            "to tell the time offset by rotation rates alone"
         )
     return ", which agrees with the answer"
 

@@ -31,9 +31,9 @@ def require_rigid(run: Run, track: LidarTrack, rotation: RotationStart) -> None:
         return
     raise Refused(
         "motion.not_rigid",
-        f"the lidar turns against the IMU: within {RIGID.span_s:g} s they turn by {np.degrees(turned_rad):.2g} deg, and "
-        f"{np.degrees(left_rad):.2g} deg differently, both in the middle of all; they are not fixed to one another (a motor, a "
-        "gimbal, a mount that gives way), or the lidar could not be followed; fix them, and record again",
+        f"the lidar turns against the IMU: within {RIGID.span_s:g} s they turn by {np.degrees(turned_rad):.2g} deg, and their "
+        f"rotations differ by {np.degrees(left_rad):.2g} deg (medians); they are not fixed to one another (a motor, a gimbal, a "
+        "loose mount), or the lidar could not be followed; fix the mount, and record again",
     )
 
 

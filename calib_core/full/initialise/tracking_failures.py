@@ -34,9 +34,9 @@ def refuse_standing_clouds(run: Run, followed: Followed, gyro_rad_s: FloatArray)
         return
     raise Refused(
         "points.standing",
-        f"the lidar's surroundings stand still in its clouds, {followed.seen} of {scans} scans, while the gyroscope turns by "
-        f"{np.degrees(turned):.0f} deg/s: the clouds are told in a frame that does not move (a map's or an odometry's), or the "
-        "lidar is not fixed to this IMU; record the lidar driver's own clouds",
+        f"the lidar's surroundings stand still in its clouds ({followed.seen} of {scans} scans), while the gyroscope turns at "
+        f"{np.degrees(turned):.0f} deg/s: the clouds are in a frame that does not move with the lidar (a map's or an "
+        "odometry's), or the lidar is not fixed to this IMU; record the lidar driver's own clouds",
     )
 
 
@@ -53,16 +53,16 @@ def refuse_lost(run: Run, followed: Followed, agreed: Agreement) -> None:
     if stood:
         raise Refused(
             "planes.lost",
-            f"the lidar could not be followed: its planes face {directions_faced(followed.planes)}, and over the "
-            f"{followed.seen} of {scans} scans that they hold it hardly moved, while the gyroscope turns by {turned_deg:.0f} deg "
-            "in the recording; record where three planes that face different ways stay in view",
+            f"the lidar could not be followed: its planes face {directions_faced(followed.planes)}, and in the "
+            f"{followed.seen} of {scans} scans in which they were seen it hardly moved, while the gyroscope turns by "
+            f"{turned_deg:.0f} deg in the recording; record where three planes that face different directions stay in view",
         )
     if unlike:
         raise Refused(
             "planes.lost",
-            f"the lidar could not be followed: its turning, by the planes of {followed.seen} of {scans} scans, does not go with "
-            f"the gyroscope's (correlation {agreed.correlation:.2f}); record more slowly, where three planes that face "
-            "different ways stay in view, with nobody close by",
+            f"the lidar could not be followed: its rotation, by the planes of {followed.seen} of {scans} scans, does not agree "
+            f"with the gyroscope's (correlation {agreed.correlation:.2f}); move more slowly, where three planes that face "
+            "different directions stay in view, with nobody close by",
         )
 
 
@@ -73,6 +73,6 @@ def say_open(run: Run, followed: Followed) -> None:
     run.say(
         "info",
         "track.open_way",
-        f"over {followed.coasting} of {len(followed.motions)} scans the planes leave one direction open, as along a corridor: "
-        "how far the lidar came along it is left to the IMU; a wall across it in view would tell it too",
+        f"over {followed.coasting} of {len(followed.motions)} scans the planes leave one direction undetermined, as along a "
+        "corridor: motion along it is taken from the IMU alone; a wall across that direction would determine it too",
     )

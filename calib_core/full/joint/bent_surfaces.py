@@ -79,12 +79,12 @@ def is_rough(state: Estimation, rules: Surfaces) -> bool:
 def say_uneven(data: JointData, state: Estimation, rules: Surfaces) -> None:
     """That shapes are estimated, for a person: by how much planes are off flat, and in how many patches."""
     rough = is_rough(state, rules)
-    why = ", more than walls are, as if a door stood ajar before one" if rough else ""
+    why = ", more than walls usually are, as if a door stood ajar in front of one" if rough else ""
     data.run.say(
         "warning" if rough else "info",
         "planes.uneven",
-        f"the planes are off flat by {two_digits(1e3 * unevenness_m(state))} mm from place to place{why}: their shape is "
-        f"estimated along, in {state.nuisance.patches} patches",
+        f"the planes deviate from flat by {two_digits(1e3 * unevenness_m(state))} mm from place to place{why}: their shape is "
+        f"estimated too, in {state.nuisance.patches} patches",
     )
 
 

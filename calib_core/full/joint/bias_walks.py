@@ -106,7 +106,7 @@ def say_walks(data: JointData, state: Estimation) -> None:
             data.run.say(
                 "warning",
                 "imu.bias_walk",
-                f"the {kind}'s bias seems to wander {now / was:.0f} times as fast as such sensors' do once they are warm: one "
-                "that warms up does, and walls that bend or a mount that gives look the same; so much is allowed for; let it run "
-                "for some minutes before you record",
+                f"the {kind}'s bias seems to drift {now / was:.0f} times as fast as that of such sensors once they are warm; a "
+                "sensor that warms up does this, and bent walls or a loose mount look the same; the error bars allow for it; let "
+                "the IMU run for some minutes before you record",
             )

@@ -20,14 +20,14 @@ from calib_core.sigmas import std_text
 from calib_core.solver.information import covariance_of
 from calib_core.types import FloatArray
 
-_CURE = "some planes are not flat or do not stand still: leave out what can move or bend"
+_CURE = "some planes are probably not flat or do not stand still: leave out what can move or bend"
 
 
 def require_bounds(data: JointData, before: Estimation, after: Estimation) -> None:
     """Raises Refused where a round has left what the stages before have found, or was one too many."""
     _require_near_start(data, after)
     if after.rounds > data.most_rounds:
-        _refuse(before, after, f"the solve did not come to rest in the {data.most_rounds} rounds that it may take")
+        _refuse(before, after, f"the solve did not converge in the {data.most_rounds} rounds that it may take")
 
 
 def require_rest(before: Estimation, after: Estimation, unsettled_sigmas: float) -> None:
@@ -41,18 +41,18 @@ def require_rest(before: Estimation, after: Estimation, unsettled_sigmas: float)
         if said:
             raise Refused(
                 "planes.unsettled",
-                f"the solve did not come to rest with the planes chosen: {', '.join(said)}; leave out what can move or bend, and "
+                f"the solve did not converge with the chosen planes: {', '.join(said)}; leave out what can move or bend, and "
                 "solve again",
             )
-        _refuse(before, after, f"the solve did not come to rest in {after.rounds} rounds")
+        _refuse(before, after, f"the solve did not converge in {after.rounds} rounds")
 
 
 def restless(state: Estimation, moved: float) -> Refused:
     """The refusal of a state that comes no nearer to rest. moved: by the last round, in standard deviations of a point."""
     return Refused(
         "solve.unsettled",
-        f"the solve came no nearer to rest in {state.rounds} rounds: the last one still moved points by {moved:.2g} times what "
-        f"they scatter by; {_CURE}",
+        f"the solve did not converge in {state.rounds} rounds: the last one still moved points by {moved:.2g} times their own "
+        f"scatter; {_CURE}",
     )
 
 
@@ -80,8 +80,8 @@ def require_points(points: int, planes: Sequence[str]) -> None:
     if points == 0:
         raise Refused(
             "solve.diverged",
-            f"no point lies on {' or '.join(planes)} by the motion that the solve has come to: choose planes where the cloud "
-            "shows one, of what does not bend or move",
+            f"with the motion that the solve found, no point lies on {' or '.join(planes)}: choose planes that the cloud shows, "
+            "on surfaces that do not bend or move",
         )
 
 
@@ -91,7 +91,7 @@ class SensorsAstray(Refused):
     """
 
     def __init__(self, block: Block, value: float, times: float) -> None:
-        text = f"the solve needs a {block.replace('_', ' ')} {times:.0f} times as large as sensors of this kind have it; {_CURE}"
+        text = f"the solve needs a {block.replace('_', ' ')} {times:.0f} times as large as is usual for such sensors; {_CURE}"
         super().__init__("solve.sensors_astray", text)
         self.block, self.value, self.times = block, value, times
 
@@ -116,9 +116,8 @@ def _require_near_start(data: JointData, state: Estimation) -> None:
     if abs(away_s) > limits.offset_sweeps * sweep_s:
         raise Refused(
             "solve.offset_ran_away",
-            f"no motion of the rig explains what the lidar saw of the planes: the best that the solve finds is "
-            f"{abs(away_s):.2f} s, more than a sweep of {sweep_s:.2f} s, from the time offset at which lidar and IMU turn "
-            f"alike; {_CURE}",
+            f"no motion of the rig explains what the lidar saw of the planes: the solve's best time offset is {abs(away_s):.2f} "
+            f"s, more than a sweep of {sweep_s:.2f} s, from the one at which the rotations of lidar and IMU agree; {_CURE}",
         )
     arm_m = float(np.linalg.norm(e.p_imu_lidar))
     std_m = float(_std(state)[TRANSLATION].max())
@@ -126,8 +125,8 @@ def _require_near_start(data: JointData, state: Estimation) -> None:
     if arm_m > far_m and std_m < limits.lever_arm_std_m:
         raise Refused(
             "solve.lever_arm_ran_away",
-            f"the solve needs the lidar {arm_m:.1f} m away from the IMU and claims to know that to {std_text(std_m, 'm')}; "
-            f"{_CURE}",
+            f"the solve places the lidar {arm_m:.1f} m away from the IMU, to within {std_text(std_m, 'm')}, which is not "
+            f"plausible; {_CURE}",
         )
 
 
@@ -137,8 +136,8 @@ def _refuse(before: Estimation, after: Estimation, what: str) -> None:
     worst = int(np.argmax(sigmas))
     raise Refused(
         "solve.unsettled",
-        f"{what}: the {NAMES[worst]} still moved by {amount(float(moved[worst]), worst)}, {sigmas[worst]:.1f} times its "
-        f"standard deviation, in the last one; {_CURE}",
+        f"{what}: in the last one, the {NAMES[worst]} still moved by {amount(float(moved[worst]), worst)}, "
+        f"{sigmas[worst]:.1f} times its standard deviation; {_CURE}",
     )
 
 

@@ -81,8 +81,8 @@ def say_beyond(run: Run, beyond: Beyond) -> None:
         "warning",
         "sensor.beyond_sheet",
         f"the {whose} is {beyond.times:.0f} times as far off in its {beyond.block.replace('_', ' ')} as the data sheet of "
-        f"{_kind(run, sensor)} has it: the sheet is not relied on, and as much is allowed for as any {whose} may be off by; see "
-        "whether it is one",
+        f"{_kind(run, sensor)} allows: the data sheet is not used, and errors of any {whose} are allowed for; check which "
+        f"{whose} it is",
     )
 
 

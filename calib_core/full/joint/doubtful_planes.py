@@ -72,7 +72,7 @@ def say_left_out(run: Run, planes: Sequence[MapPlane], doubt: FloatArray) -> Non
     for plane, row in zip(planes, doubt, strict=True):
         fault = fault_of(row)
         level: Level = "info" if plane.late else "warning"
-        what = WORDS[fault] if fault else "does not fit the motion that the others share"
+        what = WORDS[fault] if fault else "does not fit the motion of the other planes"
         run.say(level, f"planes.{fault or 'dropped'}", f"{plane.name} {what}: left out")
 
 
@@ -92,12 +92,13 @@ def require_three_ways(planes: Sequence[MapPlane], faults: Sequence[Fault], norm
     said = [
         f"{plane.name} {WORDS[fault]}" for plane, fault in zip(planes, faults, strict=True) if fault and not plane.late
     ]
-    why = f"{', '.join(said)}, and the others do not face three ways" if said else "they do not face three ways"
+    few = "do not face three different directions"
+    why = f"{', '.join(said)}, and the others {few}" if said else f"they {few}"
     if not face_three_ways(normals):
-        why = "those that count face two ways at most"
+        why = "those that count face two directions at most"
     raise Refused(
         "planes.doubtful",
-        f"the planes chosen do not hold the motion: {why}; choose walls, floor and ceiling, or use the suggestion",
+        f"the chosen planes do not determine the motion: {why}; choose walls, floor and ceiling, or use the suggested planes",
     )
 
 

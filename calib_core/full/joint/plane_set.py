@@ -128,7 +128,7 @@ def drop_planes(
     twin_of = twins(state, rules)
     if twin_of:
         for k, other in twin_of.items():
-            text = f"{state.planes[k].name} has turned out to be {state.planes[other].name}: left out"
+            text = f"{state.planes[k].name} is the same plane as {state.planes[other].name}: left out"
             data.run.say("info", "planes.merged", text)
         none = np.zeros(len(state.planes), np.bool_)
         return only_planes(state, np.array([k not in twin_of for k in range(len(none))]), none, rules)

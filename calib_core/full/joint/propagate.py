@@ -245,8 +245,8 @@ def until_seen(data: JointData, state: Estimation, seen_at: int, policy: Propaga
     data.run.say(
         "warning",
         "planes.lost",
-        f"the planes went out of sight {since_start_s:.0f} s after the recording's first scan and were not seen again: what "
-        "follows is not used",
+        f"the planes went out of view {since_start_s:.0f} s after the recording's first scan and were not seen again: the rest "
+        "of the recording is not used",
     )
     middles_s = _middles_s(data)
     return replace(

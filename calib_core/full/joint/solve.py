@@ -320,7 +320,7 @@ def with_outlines(data: JointData, state: Estimation) -> Estimation:
         data.run.say(
             "warning",
             "planes.narrow",
-            f"nothing is used of {', '.join(narrow)}: an outline has to be {2 * CELL_M:.1f} m wide at least",
+            f"no points are used of {', '.join(narrow)}: an outline must be at least {2 * CELL_M:.1f} m wide",
         )
     return replace(state, support=PlaneExtents(state.estimate.normals, within))
 

@@ -315,14 +315,14 @@ def say_tones(data: JointData, state: Estimation) -> None:
         data.run.say(
             "warning",
             "motion.unseen",
-            "something accelerates or turns the sensors that no plane shows, and it is no steady tone: the whole room moves (a "
-            "lift, a vehicle, a ship), the mount gives, or a surface that is no plane bends the motion; it is left in, and the "
-            "error bars count it: record where nothing but the rig moves",
+            "the IMU feels motion that no plane shows, and that is no steady vibration: the whole room moves (a lift, a vehicle, "
+            "a ship), the mount is loose, or a surface that is not flat bends the motion; it is not taken out, but the error "
+            "bars count it; record where nothing but the rig moves",
         )
     at_knots = attitudes(data.readings.part(0, state.knots), state.estimate.states.R, state.nuisance.tones_zero_s)
     calm = not data.run.noise.shaken
     shaken = "it is shaken faster than it samples" + (
-        ", the whole room sways, or steps shake what bears it" if calm else ""
+        ", the whole room sways, or footsteps shake the floor" if calm else ""
     )
     for hz, values in zip(state.nuisance.tones_hz, state.estimate.sensors.tones(), strict=True):
         # Its part that goes with the IMU and that of the room may be nearly the same, each many times as large as their sum.
@@ -332,6 +332,6 @@ def say_tones(data: JointData, state: Estimation) -> None:
             "warning",
             "imu.tone",
             f"the IMU reads a tone of {hz + values[24]:.2f} Hz ({accel:.2g} m/s² and {np.degrees(gyro):.2g} deg/s rms) that no "
-            f"plane shows: {shaken}; the tone is estimated along and taken out, but record with the IMU's own low-pass filter "
-            "on, or at a higher rate",
+            f"plane shows: {shaken}; the tone is estimated and taken out, but better record with the IMU's low-pass filter on, "
+            "or at a higher rate",
         )

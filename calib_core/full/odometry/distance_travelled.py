@@ -51,7 +51,7 @@ def ways_faced(planes: Sequence[Plane]) -> int:
 
 def directions_faced(planes: Sequence[Plane]) -> str:
     """The same in words."""
-    return ("one way only", "two ways only", "three ways")[ways_faced(planes) - 1]
+    return ("one direction only", "two directions only", "three directions")[ways_faced(planes) - 1]
 
 
 def require_motion(motions: Sequence[ScanMotion], scans: int, planes: Sequence[Plane]) -> None:
@@ -63,9 +63,8 @@ def require_motion(motions: Sequence[ScanMotion], scans: int, planes: Sequence[P
         return
     if len(motions) < FOLLOWING.followed_share * scans:
         lost = (
-            f"the planes could be followed over {len(motions)} of {scans} scans only, and in these the lidar stood still: "
-            f"they face {directions_faced(planes)}; record where three planes that face different ways stay in view, or turn the "
-            "lidar so that they come into it"
+            f"the planes could be followed over only {len(motions)} of {scans} scans, in which the lidar stood still: they face "
+            f"{directions_faced(planes)}; record where three planes that face different directions stay in view"
         )
         raise Refused("planes.lost", lost)
     stood = (

@@ -105,7 +105,7 @@ def require_measured_sweeps(run: Run, motions: Sequence[ScanMotion]) -> None:
 
     Of a track that the lidar alone was followed by.
     """
-    expected = "what the lidar turns from one to the next"
+    expected = "the lidar's rotation from one to the next"
     _require(run, turning_within(run, motions), WITHIN.straightened, expected, WITHIN.least_off)
 
 
@@ -116,7 +116,7 @@ def require_measured_scans(run: Run, followed: Followed) -> None:
     they are not called off for less than what straightened ones lack.
     """
     least = WITHIN.led_straightened
-    _require(run, turning_freed(run, followed), least, "what the gyroscope felt meanwhile", 1.0 - least)
+    _require(run, turning_freed(run, followed), least, "the rotation that the gyroscope measured", 1.0 - least)
 
 
 def _require(run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float) -> None:
@@ -124,7 +124,7 @@ def _require(run: Run, found: WithinSweeps | None, least: float, expected: str, 
     if found is None:
         return
     share, wide = found.share, WITHIN.sigmas * found.std
-    shown = f"in {found.spans} sweeps the surroundings turn by {share:.2f} of {expected}"
+    shown = f"within {found.spans} sweeps the surroundings turn by {share:.2f} times {expected}"
     if share + wide < -WITHIN.backwards:
         raise Refused(
             "points.times_backwards",
@@ -133,13 +133,13 @@ def _require(run: Run, found: WithinSweeps | None, least: float, expected: str, 
     if share + wide < least:
         raise Refused(
             "points.straightened",
-            f"the clouds were straightened before they were recorded, or their points' times are not those of their "
+            f"the motion was taken out of the clouds before they were recorded, or the points' times are not those of their "
             f"measurement: {shown}; expected 1; record the driver's own clouds, with its motion compensation switched off",
         )
     if abs(share - 1.0) > max(least_off, wide):
         run.say(
             "warning",
             "points.times_off",
-            f"the points' times seem to be {1.0 / share:.2f} of what they should be: {shown}, expected 1; the time offset and "
-            "all else rest on them: check the unit and the rate in the lidar's driver",
+            f"the points' times seem to be {1.0 / share:.2f} times what they should be: {shown}, expected 1; the whole answer "
+            "depends on these times: check their unit and rate in the lidar's driver",
         )

@@ -50,9 +50,9 @@ def exact_stamps(stamps_ns: IntArray, whose: str) -> str | None:
         return None
     cut_ms, period_ms = 1e3 * min(step_ns * 1e-9, STEPS.usual_s), 1e-6 * float(np.median(np.diff(stamps_ns)))
     return (
-        f"the stamps of {whose} are multiples of the {period_ms:.4g} ms after which one follows another: they are taken for "
-        f"exact, as those of a clock that starts the sampling; if a driver cuts them to steps of {cut_ms:.4g} ms, the time "
-        "offset is off by up to as much more than is stated"
+        f"the stamps of {whose} are multiples of the {period_ms:.4g} ms from one to the next: they are taken for exact, as if "
+        f"their clock started the sampling; if instead a driver cuts them to steps of {cut_ms:.4g} ms, the time offset may be "
+        "off by up to that much more than is stated"
     )
 
 

@@ -29,7 +29,7 @@ def as_taken(recording: Recording, settings: CalibrateSettings, on_event: OnEven
     topic = imu.topic or "the IMU"
     if sampling is None:
         if forced or _is_uneven(imu.stamps_ns):
-            text = f"the stamps of {topic} follow no even row of samples: {_AS_STAMPED}"
+            text = f"the stamps of {topic} fit no even sampling: {_AS_STAMPED}"
             on_event(LogEvent(level="warning" if forced else "info", code="imu.sampling", text=text))
         return recording, LineStd()
     even = forced or sampling.is_even
@@ -52,14 +52,14 @@ def with_lost(
     topic, one_in = recording.imu.topic or "the IMU", len(found.imu.stamps_ns) / len(found.index)
     gyro, accel = np.sqrt(found.variance.reshape(-1, 2, 3).mean(axis=(0, 2)))
     text = (
-        f"{len(found.index)} readings of {topic} are missing, one in {one_in:.0f}: they are taken for what those around them "
-        f"tell, to {np.degrees(gyro):.2g} deg/s and {accel:.2g} m/s²; a longer queue keeps them"
+        f"{len(found.index)} readings of {topic} are missing, one in {one_in:.0f}: they are restored from those around them, to "
+        f"within {np.degrees(gyro):.2g} deg/s and {accel:.2g} m/s²; record them with a longer queue"
     )
     on_event(LogEvent(level="info", code="imu.lost", text=text))
     return replace(recording, imu=found.imu), found
 
 
-_AS_STAMPED = "readings are taken as sampled when stamped"
+_AS_STAMPED = "each reading is taken to be sampled at its stamp"
 
 
 def _is_uneven(stamps_ns: IntArray) -> bool:
@@ -73,27 +73,25 @@ def _is_uneven(stamps_ns: IntArray) -> bool:
 def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:
     stamps = f"the stamps of {topic} jitter by {1e3 * sampling.jitter_s:.2g} ms"
     share, std = 100.0 * sampling.in_sampling, 100.0 * sampling.in_sampling_std
-    shown = f"{share:.1f} ± {std:.1f} % of it shows in the readings"
-    evenly = f"readings are taken as sampled evenly, every {1e3 * sampling.period_s:.4g} ms"
+    shown = f"{share:.1f} ± {std:.1f} % of the jitter shows in the readings"
+    evenly = f"readings are taken to be sampled evenly, every {1e3 * sampling.period_s:.4g} ms"
     if 1.0 - sampling.in_rows > STAMPS.worth_counting:
-        evenly += f", but for {100.0 * (1.0 - sampling.in_rows):.0f} % of them, whose stamps follow no line"
+        evenly += f", except {100.0 * (1.0 - sampling.in_rows):.0f} % of them, whose stamps fit no even sampling"
     if sampling.late_s > 0.0:
         evenly += (
-            f"; the mean stamp comes {1e3 * sampling.late_s:.2g} ms after the most punctual ones, which is part of the time "
-            "offset: with a driver without that delay it would be greater by as much"
+            f"; stamps are on average {1e3 * sampling.late_s:.2g} ms later than the most punctual ones, and this delay is part "
+            "of the time offset: without it the offset would be greater by as much"
         )
     if forced:
         return f"{stamps}; {evenly}, as asked"
     if sampling.is_even:
-        says = "less than half of it is in the sampling" if sampling.is_mixed else "the sampling does not"
+        says = "less than half of this is in the sampling itself" if sampling.is_mixed else "but the sampling does not"
         return f"{stamps}, {says} ({shown}): {evenly}"
     if sampling.is_as_stamped:
-        says = "more than half of it is in the sampling" if sampling.is_mixed else "and so does the sampling"
+        says = "more than half of this is in the sampling itself" if sampling.is_mixed else "and so does the sampling"
         return f"{stamps}, {says} ({shown}): {_AS_STAMPED}"
     if sampling.fits_neither:
-        return f"{stamps}; the readings fit neither sampling when stamped nor even sampling ({shown}): {_AS_STAMPED}"
+        return f"{stamps}; the readings fit neither sampling at the stamps nor even sampling ({shown}): {_AS_STAMPED}"
     if sampling.compared < LEAST:
-        return (
-            f"{stamps}; too few readings in a row are without a loss to tell whether the sampling does: {_AS_STAMPED}"
-        )
+        return f"{stamps}; too few readings come without a loss to tell whether the sampling does: {_AS_STAMPED}"
     return f"{stamps}; whether the sampling does cannot be told from this motion: {_AS_STAMPED}"

@@ -82,7 +82,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     )
     imu = recording.imu
     if text := clipped_text(shares):
-        text += "; what is found of its scale, axes and delay may come of that: move more gently, or widen its range"
+        text += "; its scale, axes and delay may be wrong because of this: move more gently, or widen its range"
         on_event(LogEvent(level="warning", code="imu.clipped", text=text))
     noise = _imu_noise(recording, settings, clocks, on_event)
     if text := coarse_text(clocks.imu_s, imu, noise.density):
@@ -154,8 +154,8 @@ def _imu_noise(recording: Recording, settings: CalibrateSettings, clocks: Clocks
         if times.max() > NOISE.contradicted:
             sensor = ("gyroscope", "accelerometer")[int(np.argmax(times))]
             text = (
-                f"the {sensor}'s readings scatter {times.max():.1f} times as much as the noise that is given for it, by "
-                f"{level.source}: the error bars go by what is given, and may be too narrow"
+                f"the {sensor}'s readings scatter {times.max():.1f} times as much as the given noise, by {level.source}: the "
+                "error bars rest on the given noise, and may be too narrow"
             )
             on_event(LogEvent(level="warning", code="imu.noise_given", text=text))
         density, period = np.repeat(two, 3), float(np.median(np.diff(clocks.imu_s)))

@@ -79,9 +79,10 @@ def sieve_of(scans: Sequence[Scan], period_s: float) -> Sieve | None:
 def in_words(sieve: Sieve, topic: str) -> str:
     """To a person: what was found, by what, what is done and what to do."""
     return (
-        f"the clouds of {topic} were thinned by a grid of {100.0 * sieve.cell_m:.3g} cm: in it {sieve.shared} of "
-        f"{sieve.points} points share a cell, half a cell beside it {sieve.beside:.0f} do. Which returns a grid leaves depends "
-        "on their noise: that is allowed for, and what the grid took is lost. Record the cloud as the lidar's driver sends it"
+        f"the clouds of {topic} were thinned by a grid of {100.0 * sieve.cell_m:.3g} cm: only {sieve.shared} of {sieve.points} "
+        f"points share a cell, while {sieve.beside:.0f} would if the grid were shifted by half a cell. Which points a grid keeps "
+        "depends on their noise: this is allowed for, but the removed points are lost. Record the cloud as the lidar's driver "
+        "sends it"
     )
 
 

@@ -76,13 +76,14 @@ def begun_evenly(
         return recording, seen, LineStd()
     topic = recording.lidar.topic or "the lidar"
     text = (
-        f"the stamps of {topic} are off its rotor's turning by {1e3 * found.jitter_s:.2g} ms rms ({1e3 * found.most_s:.2g} ms at "
-        f"most), as those of a host are: sweeps are taken as begun evenly, every {1e3 * found.period_s:.5g} ms"
+        f"the stamps of {topic} are off its rotor's even rotation by {1e3 * found.jitter_s:.2g} ms rms "
+        f"({1e3 * found.most_s:.2g} ms at most), as if a host had set them: sweeps are taken to begin evenly, every "
+        f"{1e3 * found.period_s:.5g} ms"
     )
     if found.behind_s > 0.0:
         text += (
-            f"; the mean stamp comes {1e3 * found.behind_s:.2g} ms after the most punctual ones, which is part of the time "
-            "offset: of a driver without that delay it is so much smaller"
+            f"; stamps are on average {1e3 * found.behind_s:.2g} ms later than the most punctual ones, and this delay is part of "
+            "the time offset: without it the offset would be smaller by as much"
         )
     on_event(LogEvent(level="info", code="lidar.sampling", text=text))
     stamps_ns = seen.stamps_ns - np.rint(1e9 * found.late_s).astype(np.int64)

@@ -52,8 +52,8 @@ def deskew_suspicion(scans: Sequence[Scan], imu: ImuData, coarse_offset_ns: int,
     return Finding(
         code="points.deskewed",
         level="warning",
-        text=f"The clouds on {topic} look as if the motion was already taken out: azimuths lose step with the point"
-        f" times by {np.rad2deg(seen):.2f} deg while the rig turns.",
+        text=f"The clouds on {topic} look as if the motion was already taken out: while the rig turns, azimuths are"
+        f" {np.rad2deg(seen):.2f} deg off an even rotation over the point times.",
         evidence=(
             Clue("misfit while turning", round(float(np.rad2deg(seen)), 4), "deg"),
             Clue("misfit at rest", round(float(np.rad2deg(rest)), 4), "deg"),

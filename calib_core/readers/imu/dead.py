@@ -15,14 +15,14 @@ def require_both_sensors(gyro: FloatArray, accel: FloatArray, topic: str) -> Non
     rates, accelerations = _says_something(gyro), _says_something(accel)
     if rates and not accelerations:
         raise InputError(
-            f"The accelerations on {topic} are {_instead(accel)}, as those of a gyroscope alone are; choose a topic that has"
-            " both, or record the accelerometer too.",
+            f"The accelerations on {topic} are {_instead(accel)}, as from a gyroscope without an accelerometer; choose a topic "
+            "that has both, or record the accelerometer too.",
             code="imu.no_accelerations",
         )
     if accelerations and not rates:
         raise InputError(
-            f"The angular rates on {topic} are {_instead(gyro)}, as those of an accelerometer alone are; choose a topic that has"
-            " both, or record the gyroscope too.",
+            f"The angular rates on {topic} are {_instead(gyro)}, as from an accelerometer without a gyroscope; choose a topic "
+            "that has both, or record the gyroscope too.",
             code="imu.no_rates",
         )
 

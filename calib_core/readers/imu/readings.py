@@ -182,8 +182,9 @@ def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
         return Finding(
             "imu.stamped_by_ticks",
             "warning",
-            f"Stamps on {topic} are multiples of {1e-6 * bundles.tick_ns:.4g} ms, the time in which {bundles.size:.2g} readings"
-            f" come (at most {bundles.largest}): those of a tick are taken as sampled every {1e3 * period_s:.4g} ms from it on.",
+            f"Stamps on {topic} are multiples of {1e-6 * bundles.tick_ns:.4g} ms, while {bundles.size:.2g} readings come in that"
+            f" time (at most {bundles.largest}): readings with one stamp are taken to be sampled every {1e3 * period_s:.4g} ms,"
+            " the first of them at the stamp.",
             (
                 Clue("readings a tick", round(bundles.size, 2)),
                 Clue("tick", bundles.tick_ns * 1e-9, "s"),
@@ -195,8 +196,8 @@ def _bundles_finding(bundles: Bundles, topic: str) -> Finding:
     return Finding(
         "imu.stamped_in_bundles",
         "warning",
-        f"Stamps on {topic} come in bundles of {bundles.size:.2g} readings (at most {bundles.largest}), as those of a driver"
-        f" that empties a buffer do: the newest of each keeps its stamp, the others are taken as sampled every"
+        f"Stamps on {topic} come in bundles of {bundles.size:.2g} readings (at most {bundles.largest}), as from a driver"
+        f" that empties a buffer: the newest of each bundle keeps its stamp, the others are taken to be sampled every"
         f" {1e3 * period_s:.4g} ms before it.",
         (
             Clue("readings a bundle", round(bundles.size, 2)),
@@ -214,8 +215,8 @@ def _repeats_finding(fresh: BoolArray, statistics: StampStatistics, topic: str) 
     return Finding(
         "imu.repeats",
         "warning",
-        f"{share:.0%} of the readings on {topic} repeat the turn rate of the one before, as those of a driver do that sends"
-        f" faster than the sensor measures: the first of each is kept, {statistics.rate_hz:.4g} a second.",
+        f"{share:.0%} of the readings on {topic} repeat the angular rate of the one before, as from a driver that sends"
+        f" faster than the sensor measures: only the first of each is kept, {statistics.rate_hz:.4g} per second.",
         (
             Clue("repeats", int(np.count_nonzero(~fresh))),
             Clue("readings", len(fresh)),
@@ -246,8 +247,8 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
             Finding(
                 "imu.shared_stamps",
                 "info",
-                f"{counted(shared, 'reading')} on {topic} {'bears' if shared == 1 else 'bear'} the stamp of another that "
-                "reads differently; all were kept.",
+                f"{counted(shared, 'reading')} on {topic} {'has' if shared == 1 else 'have'} the stamp of another with "
+                "different values; all were kept.",
                 (Clue("shared stamps", shared), Clue("readings", statistics.count)),
             )
         )
@@ -257,8 +258,8 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
             Finding(
                 "imu.out_of_order",
                 "warning",
-                f"{backwards}: readings keep the order in which they came, in which the motion is smoother, and each has the"
-                " stamp of its place.",
+                f"{backwards}: readings keep the order in which they arrived, because the motion is smoother in it, and take the"
+                " sorted stamps in that order.",
                 (
                     Clue("backward steps", statistics.n_rewinds),
                     Clue("readings with another's stamp", came.moved),
@@ -283,7 +284,8 @@ def _stamp_findings(statistics: StampStatistics, topic: str, *, n_repeated: int,
                 f"{topic} has {statistics.n_gaps} gaps, the longest {statistics.longest_gap_s:.3f} s,"
                 f" where a reading comes every {period_ms:.2f} ms.",
                 (Clue("gaps", statistics.n_gaps), Clue("longest", statistics.longest_gap_s, "s")),
-                consequence="scans are not used where readings are lost for 60 ms or for six; a late stamp only looks so",
+                consequence="scans are not used where readings are lost for 60 ms, or six in a row; a late stamp only looks like "
+                "a gap",
             )
         )
     return found + _pace_findings(statistics, topic)
@@ -297,13 +299,14 @@ def _pace_findings(statistics: StampStatistics, topic: str) -> list[Finding]:
             Finding(
                 "imu.jitter",
                 "warning",
-                f"Stamps on {topic} jitter: one follows another after {period_ms:.2f} ± {statistics.jitter_s * 1e3:.2f} ms,"
-                " as those of an IMU stamped by the host do.",
+                f"Stamps on {topic} jitter: the step from one to the next is {period_ms:.2f} ± {statistics.jitter_s * 1e3:.2f} "
+                "ms, as for an IMU stamped by the host.",
                 (
                     Clue("spread of the steps", statistics.jitter_s, "s"),
                     Clue("period", statistics.period_s, "s"),
                 ),
-                consequence="readings that were sampled evenly are put on an even row; the mean of it is part of the time offset",
+                consequence="readings that were sampled evenly get even stamps; the stamps' mean delay is part of the time "
+                "offset",
             )
         )
     if statistics.bundled_share > 0.5:

@@ -52,7 +52,7 @@ def stuck_axis(
         code="imu.stuck",
         level="warning",
         text=_told(longest, axes, values[longest.first], topic)
-        + f" and nothing else for {stays_s:.1f} s, from {since_s:z.1f} s on, while other axes go on:"
+        + f" without any change for {stays_s:.1f} s, from {since_s:z.1f} s on, while other axes change:"
         + (" it is stuck, or not measured." if len(axes) == 1 else " they are stuck, or not measured."),
         evidence=(Clue("unchanged for", round(stays_s, 3), "s"),),
         consequence="what the IMU says is not how it moved: a calibration from these readings would be wrong",

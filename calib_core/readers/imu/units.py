@@ -115,7 +115,7 @@ def detect_accelerometer_unit(
         level = "warning"
         text = (
             f"Accelerations on {topic} are taken in {name}, as asked; but when quietest their norm is {norm:.2f}, which is "
-            f"gravity in {'g' if detected == 'g' else 'm/s²'}: the solve will find no answer where the unit is wrong."
+            f"gravity in {'g' if detected == 'g' else 'm/s²'}: if the unit is wrong, the solve will find no answer."
         )
     finding = Finding(
         code="imu.accelerometer_unit",
@@ -180,7 +180,7 @@ def detect_gyroscope(
         code="imu.gyroscope_unit",
         level="warning" if unit == "deg_s" else "info",
         text=f"Angular rates on {topic} are in {name}"
-        + ("." if informative else f" ({_unheard(still)}, so only plausibility speaks)."),
+        + ("." if informative else f" ({_unheard(still)}, so this is judged by their size alone)."),
         evidence=(
             Clue("misfit of gravity's turning, rad/s", _rounded(radians), "rad"),
             Clue("misfit of gravity's turning, deg/s", _rounded(degrees), "rad"),
@@ -288,9 +288,9 @@ def _mirrored_axes(windows: _Windows, scale: float, still: float, topic: str) ->
     if (
         misfits[best] > _NAMES_RAD or rival < _NAMES_TIMES * misfits[best]
     ):  # the rig's own accelerations blur which of two patterns it is
-        text = f"The gyroscope on {topic} turns against the accelerometer: the sign of some axis of either is flipped."
+        text = f"Gyroscope and accelerometer on {topic} contradict each other: the sign of an axis of one of them is flipped."
     else:
-        text = f"Gyroscope axis {axes} on {topic} turns against the accelerometer: its sign looks flipped."
+        text = f"Gyroscope axis {axes} on {topic} contradicts the accelerometer: its sign seems to be flipped."
     return Finding(
         code="imu.axis_signs",
         level="warning",

@@ -102,7 +102,7 @@ def stamp_end_suspicion(
     return Finding(
         code="clock.stamp_at_end",
         level="warning",
-        text=f"Scans on {topic} arrive {after}, by the clock of the IMU's stamps, although their last point is"
+        text=f"Scans on {topic} arrive {after}, compared with the IMU's stamps, although their last point is"
         f" {last_point_s * 1e3:.0f} ms after it: the stamp is probably the sweep's end.",
         evidence=(Clue("arrival after header", lag_s, "s"), Clue("last point after header", last_point_s, "s")),
         confidence=0.7,

@@ -47,7 +47,7 @@ def unset_finding(topic: str) -> Finding:
     return Finding(
         code="clock.unset",
         level="warning",
-        text=f"The headers on {topic} all carry one stamp: nobody set them, and the receive times take their place.",
+        text=f"The headers on {topic} all carry one stamp: the driver did not set them, so the receive times are used instead.",
         evidence=(Clue("different stamps", "a tenth of the messages or fewer"),),
         confidence=1.0,
         consequence="the time offset includes the recorder's latency, and its jitter limits the result; let the driver"

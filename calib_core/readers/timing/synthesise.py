@@ -197,8 +197,8 @@ def _at_once(
     finding = Finding(
         code="points.at_once",
         level="info",
-        text=f"All points of a cloud on {topic} are taken for those of its stamp, as asked.",
-        consequence="a lidar that sweeps is bent by its motion then, and the answer with it",
+        text=f"All points of a cloud on {topic} are taken to be measured at its stamp, as asked.",
+        consequence="if the lidar does sweep, motion distorts its clouds, and the answer is wrong",
     )
     timing = PointTiming(FIELD, "s", "header-first", -1.0, 1.0)
     return SynthesisingDecoder(decoder, Synthesis("at once", scan_period_s(sample))), timing, (finding,)

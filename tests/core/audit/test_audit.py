@@ -106,7 +106,7 @@ def test_what_the_recording_cannot_tell_is_said() -> None:
     """Mutations: pass whatever does not fail; a refused recording taken for a pass; judge a null limit."""
     blind = audited(drawn(1, correlated(1, scale=100.0)), TRUTH, Limits())
     assert blind.verdict == "unknown"
-    assert blind.text.startswith("This recording cannot tell: the ")
+    assert blind.text.startswith("This recording cannot tell: it determines the ")
     refused = audited(make_result(R, P, status="refused"), TRUTH, Limits())
     assert (refused.verdict, refused.axes, refused.rotation_deg) == ("unknown", [], None)
     assert "never moved" in refused.text
@@ -165,7 +165,7 @@ def test_the_same_numbers_are_judged_alike_whatever_their_file_says_of_them() ->
         assert (report.verdict, report.axes) == ("failed", bare.axes)
         assert len(report.hints) == said
         assert all(
-            "translation along the IMU's x axis that it is known to 9.1 m (1 sigma)" in hint for hint in report.hints
+            "translation along the IMU's x axis is known only to 9.1 m (1 sigma)" in hint for hint in report.hints
         )
 
 
@@ -174,12 +174,12 @@ def test_why_no_motion_fits_is_told_without_what_a_recording_should_do() -> None
 
     Mutation: the refusal as it stands.
     """
-    refusal = "the best answer needs an IMU that is off by 0.5 deg/s; the time stamps or the IMU's units are not what they seem."
+    refusal = "the best answer needs IMU biases of 0.5 deg/s; the time stamps or the IMU's units are probably wrong."
     given = GivenExtrinsic(TRUTH, OFFSET_NS, "a matrix")
     report = report_of(given, Calibration(make_result(R, P, OFFSET_NS), None), Limits(), None, refusal)
     (hint,) = report.hints
-    assert hint.startswith("With the given extrinsic held no motion fits the recording")
-    assert hint.endswith("needs an IMU that is off by 0.5 deg/s.")
+    assert hint.startswith("With the given extrinsic held fixed, no motion fits the recording")
+    assert hint.endswith("needs IMU biases of 0.5 deg/s.")
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_the_usual_slips_are_named() -> None:
     """Mutations: the hint given for every failure; the inverse not tried."""
     found = make_result(R, P, OFFSET_NS)
     (turned,) = audited(found, np.linalg.inv(TRUTH), Limits()).hints
-    assert "other direction" in turned
+    assert "T_lidar_imu where T_imu_lidar is expected" in turned
     (late,) = audited(found, TRUTH, Limits(), -OFFSET_NS).hints
     assert "other sign" in late
     assert audited(found, TRUTH, Limits()).hints == []

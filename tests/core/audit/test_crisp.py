@@ -17,8 +17,8 @@ def room(entropy_nat: float, thickness_mm: float) -> RoomCrispness:
     [
         (room(-5.0, 20.31), room(-5.01, 19.80), "With the given extrinsic the room is blurrier, by 0.0100 nat"),
         (room(-5.01, 19.80), room(-5.0, 20.31), "With the given extrinsic the room is even crisper, by 0.0100 nat"),
-        (room(-5.0, 19.81), room(-5.0004, 19.80), "Both make the same room"),
-        (room(-5.0, 19.802), room(-5.0008, 19.798), "Both make the same room"),
+        (room(-5.0, 19.81), room(-5.0004, 19.80), "The room looks the same with both"),
+        (room(-5.0, 19.802), room(-5.0008, 19.798), "The room looks the same with both"),
     ],
 )
 def test_a_room_is_blurrier_where_its_surfaces_show_thicker(

@@ -116,7 +116,7 @@ def test_units_and_signs_that_the_lidar_bears_out_are_certain() -> None:
         return [(f.text, f.confidence) for f in doubts_settled(doubted, forecast)]
 
     kept = [(f.text, f.confidence) for f in doubted]
-    unit = "Angular rates on /imu are in rad/s: the lidar turns just as fast."
+    unit = "Angular rates on /imu are in rad/s: the lidar turns at the same rate."
     assert said(known()) == [(unit, 1.0), kept[1], (SIGNS_RIGHT, 1.0)]
     assert said(known(tz=2.5)) == said(known())  # how far it is away has no part in it
     assert said(known(rz=0.6)) == kept
@@ -142,7 +142,7 @@ def test_everything_weak_is_one_plain_sentence() -> None:
     every = [
         ParameterForecast(name=n, std=9.0, unit="m", weak=True) for n in ("rx", "ry", "rz", "tx", "ty", "tz", "dt")
     ]  # type: ignore[arg-type]
-    assert in_words(every) == "A solve would know nothing of it well."
+    assert in_words(every) == "A solve would know none of the parameters well."
 
 
 def scan(index: int, count: int) -> Scan:

@@ -118,7 +118,7 @@ def test_a_recording_is_short_where_more_of_it_would_do(overlap_s: float, std_m:
     got = opinion(report(*tilting(25)), overlap_s=overlap_s, forecast=forecast)
     said = (
         f"Lidar and IMU cover {overlap_s:.1f} s together, too short for the translation along the IMU's z axis: 30 s of such"
-        " motion would do."
+        " motion would be enough."
     )
     assert got.reasons == ((said, "Not the height.") if short else ("Not the height.",))
     assert ("Record 30 to 60 s." in got.advice) == (short or overlap_s < 15.0)

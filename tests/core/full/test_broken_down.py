@@ -67,10 +67,10 @@ def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_i
     )
     stuck = Message(code="imu.stuck", level="warning", text="The gyroscope's x axis is stuck.")
     other = Message(code="imu.gaps", level="warning", text="there are gaps")
-    unsettled = Refused("solve.unsettled", "the solve did not come to rest")
-    assert with_cause(unsettled, [other]) == "the solve did not come to rest"
+    unsettled = Refused("solve.unsettled", "the solve did not converge")
+    assert with_cause(unsettled, [other]) == "the solve did not converge"
     assert with_cause(unsettled, [other, clipped]) == (
-        "the gyroscope is clipped in 12 %: it says less; that may be why the solve did not come to rest"
+        "the gyroscope is clipped in 12 %: it says less; that may be why the solve did not converge"
     )
     for both in ([clipped, stuck], [stuck, clipped]):
         assert with_cause(unsettled, both).startswith("the gyroscope's x axis is stuck; that may be why")
@@ -85,9 +85,9 @@ def test_a_turning_about_one_axis_is_named_where_a_solve_broke() -> None:
         code="start.open_turn", level="info", text="all turning is about one axis: it starts where planes are plumb"
     )
     stuck = Message(code="imu.stuck", level="warning", text="The gyroscope's x axis is stuck.")
-    unsettled = Refused("solve.unsettled", "the solve did not come to rest; leave out what can move or bend")
+    unsettled = Refused("solve.unsettled", "the solve did not converge; leave out what can move or bend")
     assert with_cause(unsettled, [one]) == (
-        "as far as the lidar could be followed, all turning is about one axis; that may be why the solve did not come to rest; "
+        "as far as the lidar could be followed, all rotation is about one axis; that may be why the solve did not converge; "
         "leave out what can move or bend, and turn the rig about the other axes too"
     )
     assert with_cause(unsettled, [one, stuck]).startswith("the gyroscope's x axis is stuck; that may be why")

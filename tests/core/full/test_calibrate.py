@@ -288,7 +288,7 @@ def test_planes_are_called_in_an_answer_as_where_they_are_looked_at(
 
 
 def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
-    """Seen: `inspect` said that the lidar turns just as fast, the result of the same recording that only plausibility speaks.
+    """Seen: `inspect` said that the lidar turns at the same rate, the result of the same recording that only plausibility speaks.
     Every answer of a Livox had a warning of its accelerations in g. Mutations: messages as they came; none warned of a unit that
     was asked for, or that is neither.
     """
@@ -296,10 +296,10 @@ def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
         Message(
             code="imu.gyroscope_unit",
             level="info",
-            text="Angular rates on /imu are in rad/s (gravity hardly turns, so only plausibility speaks).",
+            text="Angular rates on /imu are in rad/s (gravity hardly turns, so this is judged by their size alone).",
         ),
         Message(code="imu.noise", level="info", text="IMU noise (of a standstill)"),
-        Message(code="imu.axis_signs", level="warning", text="Gyroscope axis y on /imu: its sign looks flipped."),
+        Message(code="imu.axis_signs", level="warning", text="Gyroscope axis y on /imu: its sign seems to be flipped."),
     ]
     unit, noise, signs = with_doubts_settled(said)
     settings = ReadSettings(accelerometer_unit="m_s2")
@@ -311,7 +311,7 @@ def test_an_answer_bears_the_gyroscopes_unit_out() -> None:
         (told,) = with_doubts_settled([Message(code=found.code, level=found.level, text=found.text)])
         assert (told.level, told.text) == (level, found.text)
     assert (signs.code, signs.level, signs.text) == (SIGNS_BORNE_OUT, "info", SIGNS_RIGHT)
-    assert unit.text == "Angular rates on /imu are in rad/s: the lidar turns just as fast."
+    assert unit.text == "Angular rates on /imu are in rad/s: the lidar turns at the same rate."
     assert noise == said[1]
 
 
@@ -329,4 +329,4 @@ def test_a_weak_answer_bears_no_unit_out(
     monkeypatch.setattr(page, "document", lambda _recording, _settings, _answer, messages, _s: messages)
     told: Any = page.calibrate(noisy[0], CalibrateSettings(crispness=False)).result
     said = [m.text for m in told if m.code == "imu.gyroscope_unit"]
-    assert ("Rates are in rad/s: the lidar turns just as fast." in said) is not is_weak
+    assert ("Rates are in rad/s: the lidar turns at the same rate." in said) is not is_weak

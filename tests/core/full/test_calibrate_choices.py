@@ -73,7 +73,7 @@ def test_what_sensors_alone_leave_weak_is_no_matter_of_the_motion(short: Scenari
     )
     assert (counted.status, estimated.status) == ("weak", "calibrated")
     (advice,) = counted.observability.advice
-    assert "weak only by what the sensors may be off by" in advice
+    assert "weak only because of possible sensor errors" in advice
     assert "turn" not in advice
     assert not estimated.observability.advice
 

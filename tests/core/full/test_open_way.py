@@ -90,7 +90,7 @@ def test_a_straightened_corridor_is_refused_whatever_pairs_tell(
     """
     recording, truth = corridor
     monkeypatch.setattr("calib_core.full.initialise.by_pairs._require_measured_points", lambda *_: None)
-    with pytest.raises(Refused, match="the gyroscope felt meanwhile") as refused:
+    with pytest.raises(Refused, match="the rotation that the gyroscope measured") as refused:
         begun(replace(recording, scans=[straightened(scan, truth) for scan in recording.scans]), given=False)
     assert refused.value.code == "points.straightened"
 

@@ -134,7 +134,7 @@ def test_where_a_choice_gives_no_answer_all_that_were_found_count(monkeypatch: p
     """
     proposed = [replace(plane, suggested=True) for plane in GIVEN]
     names = ["floor", "wall"]
-    boxes = Refused("planes.doubtful", "the planes chosen do not hold the motion; choose walls")
+    boxes = Refused("planes.doubtful", "the chosen planes do not determine the motion; choose walls")
     by_all, partly = (FULL, names), (PARTLY, ["floor", "-wall"])
     right = ("right", False)
     said = ["planes.instead"]
@@ -164,7 +164,7 @@ def test_what_is_wrong_with_a_choice_is_said_in_one_sentence(monkeypatch: pytest
         asked.append(planes)
         if planes is not None:
             raise Refused(
-                "planes.doubtful", "the planes chosen do not hold the motion: they face two ways; choose walls"
+                "planes.doubtful", "the chosen planes do not determine the motion: they face two ways; choose walls"
             )
         return "right"
 
@@ -176,8 +176,9 @@ def test_what_is_wrong_with_a_choice_is_said_in_one_sentence(monkeypatch: pytest
     answer: Any = page.calibrate_full(run, GIVEN, None)
     assert answer == "right"
     assert asked == [GIVEN, None]
-    text = "the planes chosen give no answer (they do not hold the motion: they face two ways); it is by all that were found"
-    assert told == [f"{text} instead: see which these are, or choose walls, floor and ceiling"]
+    why = "they do not determine the motion: they face two ways"
+    text = f"the chosen planes give no answer ({why}); the answer uses all planes that were found"
+    assert told == [f"{text} instead: check these, or choose walls, floor and ceiling"]
 
 
 def test_proposals_that_are_no_planes_of_their_own_are_left_out_and_named(monkeypatch: pytest.MonkeyPatch) -> None:

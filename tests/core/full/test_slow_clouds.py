@@ -45,5 +45,5 @@ def test_sweeps_of_which_turns_tell_nothing_are_not_called_straightened(monkeypa
     told: Any = SimpleNamespace(recording=SimpleNamespace(scans=()))
     monkeypatch.setattr(by_pairs, "_by_pairs", lambda *_: ([], None))
     monkeypatch.setattr(by_pairs, "GyroTurning", SimpleNamespace(of=lambda *_: None))
-    with pytest.raises(Refused, match="straightened before they were recorded"):
+    with pytest.raises(Refused, match="motion was taken out of the clouds before they were recorded"):
         _require_measured_points(told, raw, [bent])

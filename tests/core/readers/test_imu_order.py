@@ -32,7 +32,7 @@ def test_readings_of_a_jittering_clock_keep_the_order_in_which_they_came(seed: i
     cleaned, said = _cleaned(stamps_ns, readings)
     np.testing.assert_array_equal(cleaned.imu.gyro_rad_s, readings[:, :3])
     np.testing.assert_array_equal(cleaned.imu.stamps_ns, np.sort(stamps_ns))
-    assert "keep the order in which they came" in said
+    assert "keep the order in which they arrived" in said
 
 
 @pytest.mark.parametrize("seed", range(4))

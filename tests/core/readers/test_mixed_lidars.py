@@ -77,7 +77,7 @@ def test_two_lidars_on_one_topic_are_refused_with_their_frames(late_ns: int, sin
         load(bag, ReadSettings())
     assert caught.value.code == "points.several_lidars"
     expected = (
-        "2 lidars share the topic /points: clouds of the frames lidar_a and lidar_b come in turn; record each lidar on a topic"
+        "2 lidars share the topic /points: clouds of the frames lidar_a and lidar_b alternate; record each lidar on a topic"
         " of its own."
     )
     assert str(caught.value) == expected
@@ -108,10 +108,10 @@ def test_clouds_of_one_stamp_were_sent_twice_only_if_they_hold_the_same_points(t
     for findings in (read.findings, report.findings):
         told = {finding.code: finding.text for finding in findings}
         assert told["points.sent_twice"] == (
-            "12 clouds on /points bear the stamp of another and hold its points; the first of each was kept."
+            "12 clouds on /points have the stamp and the points of another; the first of each was kept."
         )
         assert told["points.shared_stamps"] == (
-            "6 clouds on /points bear the stamp of another and hold other points; the first of each was kept, the others were"
+            "6 clouds on /points have the stamp of another but other points; the first of each was kept, the others were"
             " left out."
         )
     assert len(read.scans) == read.scans_total == 60

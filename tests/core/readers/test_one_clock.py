@@ -301,7 +301,9 @@ def test_scans_sent_twice_count_once_and_late_ones_in_their_place(tmp_path: Path
 
     read = _spoilt(tmp_path, change)
     said = _said(read)
-    assert said["points.sent_twice"].startswith("12 clouds on /velodyne_points bear the stamp of another")
+    assert said["points.sent_twice"].startswith(
+        "12 clouds on /velodyne_points have the stamp and the points of another"
+    )
     assert said["points.out_of_order"].startswith("1 clouds")
     assert [scan.stamp_ns for scan in read.scans] == [build.EPOCH_NS + k * PERIOD_NS for k in range(60)]
     assert read.scans_total == 60
@@ -324,7 +326,7 @@ def _readings(gravity: float, shaken: float, *, count: int = 3000) -> RawImu:
 @pytest.mark.parametrize(
     ("gravity", "shaken", "code", "words"),
     [
-        (0.0, 0.0, "imu.no_accelerations", "are zero, as those of a gyroscope alone are"),
+        (0.0, 0.0, "imu.no_accelerations", "are zero, as from a gyroscope without an accelerometer"),
         (0.0, 0.8, "imu.no_gravity", "where 9.8 (m/s²) or 1.0 (g) was expected"),
         (0.0, 0.05, "imu.no_gravity", "do not show gravity"),
         (1000.0, 50.0, "imu.no_gravity", "their norm is 10"),
@@ -354,13 +356,13 @@ def test_a_sensor_that_says_nothing_is_named(silent: str, filled_with: float, wo
     gyro = np.full_like(given.gyro, filled_with) if silent == "gyro" else given.gyro
     accel = np.full_like(given.accel, filled_with) if silent == "accel" else given.accel
     what, whose, code = {
-        "gyro": ("angular rates", "an accelerometer", "imu.no_rates"),
-        "accel": ("accelerations", "a gyroscope", "imu.no_accelerations"),
+        "gyro": ("angular rates", "an accelerometer without a gyroscope", "imu.no_rates"),
+        "accel": ("accelerations", "a gyroscope without an accelerometer", "imu.no_accelerations"),
     }[silent]
     with pytest.raises(InputError) as caught:
         clean_imu(replace(given, gyro=gyro, accel=accel), ReadSettings(), "/camera/accel/sample")
     assert caught.value.code == code
-    assert f"The {what} on /camera/accel/sample are {words}, as those of {whose} alone are; choose" in str(caught.value)
+    assert f"The {what} on /camera/accel/sample are {words}, as from {whose}; choose" in str(caught.value)
 
 
 def test_rest_without_gravity_is_named_however_it_moved_afterwards() -> None:

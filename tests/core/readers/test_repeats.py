@@ -51,7 +51,7 @@ def test_the_first_of_each_reading_counts(every: float, accel_too: bool) -> None
     np.testing.assert_array_equal(cleaned.imu.stamps_ns, first_ns)
     said = {finding.code: finding for finding in cleaned.findings}
     share = 1.0 - len(first_ns) / COUNT
-    assert f"{share:.0%} of the readings on /imu repeat the turn rate of the one before" in said["imu.repeats"].text
+    assert f"{share:.0%} of the readings on /imu repeat the angular rate of the one before" in said["imu.repeats"].text
     assert said["imu.repeats"].evidence[0].value == COUNT - len(first_ns)
     assert "imu.gaps" not in said
 

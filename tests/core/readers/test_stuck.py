@@ -32,11 +32,11 @@ def test_the_axis_is_named_and_since_when() -> None:
     assert _said(gyro, accel) == ""
     accel[300:, 1] = accel[300, 1]
     assert _said(gyro, accel).startswith(
-        f"The accelerometer's y axis on /imu reads {accel[300, 1]:.4g} m/s² and nothing else for 7.0 s, from 3.0 s"
+        f"The accelerometer's y axis on /imu reads {accel[300, 1]:.4g} m/s² without any change for 7.0 s, from 3.0 s"
     )
     gyro[:, 2] = 0.0
     assert _said(gyro, accel).startswith(
-        "The gyroscope's z axis on /imu reads 0 rad/s and nothing else for 10.0 s, from 0.0 s on"
+        "The gyroscope's z axis on /imu reads 0 rad/s without any change for 10.0 s, from 0.0 s on"
     )
 
 
@@ -89,7 +89,7 @@ def test_axes_that_are_stuck_together_are_told_by_the_other_sensor(sensor: str, 
     stuck[since:, axes] = stuck[since, axes]
     said = _said(gyro, accel)
     assert said.startswith(f"The {sensor}'s {'x and z' if len(axes) == 2 else 'x, y and z'} axes on /imu read ")
-    assert f"and nothing else for {10.0 - since / 100:.1f} s, from {since / 100:.1f} s on" in said
+    assert f"without any change for {10.0 - since / 100:.1f} s, from {since / 100:.1f} s on" in said
     assert said.endswith("they are stuck, or not measured.")
 
 

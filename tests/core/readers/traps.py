@@ -121,8 +121,8 @@ TRAPS: dict[str, Trap] = {
         times=lambda t, h: {"t": (t - h).astype("u4")}, missing=True, codes=("points.no_return",), says="no return"
     ),
     "no ring": Trap(ring="none", codes=("points.rows",), says="16 rows of elevation from -15.0 to 15.0 deg"),
-    "rings all zero": Trap(ring="zero", codes=("points.rows",), says="counted from the lowest"),
-    "two returns of each beam": Trap(twice=True, codes=("points.twice",), says="there twice"),
+    "rings all zero": Trap(ring="zero", codes=("points.rows",), says="the lowest is laser 0"),
+    "two returns of each beam": Trap(twice=True, codes=("points.twice",), says="in the clouds twice"),
     "IMU clock since its start": Trap(
         imu_stamp_ns=lambda stamp, received: stamp - build.EPOCH_NS + BOOT_NS,
         codes=("clock.epochs",),

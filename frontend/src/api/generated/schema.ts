@@ -739,14 +739,20 @@ export interface components {
          * @description How far the latest run's answer is from this one's.
          */
         AnswerDifference: {
-            /** Rotation Deg */
+            /**
+             * Rotation Deg
+             * @description angle between the two rotations
+             */
             rotation_deg: number;
             /**
              * Time Offset S
-             * @description at one instant: clocks run apart, and each answer's offset holds at its own
+             * @description difference of the time offsets at one instant: the clocks run at different rates, and each answer's offset holds at an instant of its own
              */
             time_offset_s: number;
-            /** Translation M */
+            /**
+             * Translation M
+             * @description distance between the two translations
+             */
             translation_m: number;
         };
         /**
@@ -754,9 +760,14 @@ export interface components {
          * @description The room laid together by the IMU alone, three seconds at a time, with each extrinsic; lower is crisper.
          */
         AuditCrispness: {
+            /** @description the same points laid together with this recording's own extrinsic */
             found: components["schemas"]["RoomCrispness"];
+            /** @description the room laid together with the given extrinsic */
             given: components["schemas"]["RoomCrispness"];
-            /** Text */
+            /**
+             * Text
+             * @description what the comparison means, for a person
+             */
             text: string;
         };
         /**
@@ -776,6 +787,7 @@ export interface components {
             text: string;
             /**
              * Verdict
+             * @description unknown: the recording cannot tell
              * @enum {string}
              */
             verdict: "passed" | "failed" | "unknown";
@@ -790,32 +802,45 @@ export interface components {
              * @description empty where the recording gives no answer
              */
             axes: components["schemas"]["AxisAudit"][];
+            /** @description this recording's own result */
             calibration: components["schemas"]["CalibrationResult"];
+            /** @description the room with either extrinsic; null where it was not measured */
             crispness: components["schemas"]["AuditCrispness"] | null;
             /**
              * Extrinsic Form
              * @description what the given file was read as
              */
             extrinsic_form: string;
-            /** Hints */
+            /**
+             * Hints
+             * @description what may explain a difference, for a person; a sentence each
+             */
             hints: string[];
             /**
              * Rotation Deg
-             * @description angle between the two
+             * @description angle between the given extrinsic and this recording's own
              */
             rotation_deg: number | null;
             /**
              * Schema
+             * @description which document this is
              * @default unsweep.audit/1
              * @constant
              */
             schema: "unsweep.audit/1";
-            /** Text */
+            /**
+             * Text
+             * @description the verdict in one sentence, for a person
+             */
             text: string;
-            /** Translation Mm */
+            /**
+             * Translation Mm
+             * @description distance between the two
+             */
             translation_mm: number | null;
             /**
              * Verdict
+             * @description unknown: the recording cannot tell, as its own answer is missing or too uncertain for a limit
              * @enum {string}
              */
             verdict: "passed" | "failed" | "unknown";
@@ -827,6 +852,7 @@ export interface components {
         AxisAudit: {
             /**
              * Axis
+             * @description as named in the result's covariance_order
              * @enum {string}
              */
             axis: "rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt";
@@ -835,20 +861,24 @@ export interface components {
              * @description given minus found; null where the file has no such number
              */
             difference: number | null;
-            /** Difference Std */
+            /**
+             * Difference Std
+             * @description standard deviation of this recording's own answer
+             */
             difference_std: number;
             /**
              * Limit
-             * @description null: not judged
+             * @description largest difference that passes; null: not judged
              */
             limit: number | null;
             /**
              * Smallest Error
-             * @description an error from here on would have shown: the limit, or three sigmas
+             * @description an error of this size or more would have shown: the limit or three sigmas, whichever is larger
              */
             smallest_error: number;
             /**
              * Unit
+             * @description of all numbers of this axis
              * @enum {string}
              */
             unit: "deg" | "mm" | "ms";
@@ -865,30 +895,33 @@ export interface components {
         CalibrateSettings: {
             /**
              * Bias Model
+             * @description how the IMU's biases behave over the recording
              * @default random-walk
              * @enum {string}
              */
             bias_model: "constant" | "random-walk";
             /**
              * Cloud
-             * @description clouds that a grid thinned: told by their points and used away from its faces, or taken as a lidar's own
+             * @description as-sent: clouds are taken as a lidar's own; detect: a cloud that was thinned by a grid, one point to a cell, is recognised
              * @default detect
              * @enum {string}
              */
             cloud: "detect" | "as-sent";
             /**
              * Crispness
-             * @description measure how crisp the room is, before and after
+             * @description whether to measure how crisp the room is, before and after
              * @default true
              */
             crispness: boolean;
             /**
              * Estimate Planes
+             * @description false: the planes are held as given or as first seen
              * @default true
              */
             estimate_planes: boolean;
             /**
              * Estimate Time Offset
+             * @description false: the time offset is held as the initial guess has it, at 0 without one
              * @default true
              */
             estimate_time_offset: boolean;
@@ -903,10 +936,11 @@ export interface components {
             ][];
             /**
              * Field Of View Deg
-             * @description keep azimuth within +-A; None: all
+             * @description only points whose azimuth is within plus and minus this are used; null: all
              */
             field_of_view_deg?: number | null;
             /**
+             * @description what is known of gravity's magnitude
              * @default {
              *       "magnitude_m_s2": 9.807,
              *       "std_m_s2": 0.02
@@ -915,57 +949,61 @@ export interface components {
             gravity: components["schemas"]["Gravity"];
             /**
              * Imu Noise
-             * @description a preset's name: its priors and walks; or densities, which are measured otherwise
+             * @description a preset's name: its priors and random walks are used, and the noise is measured; or noise densities, used instead of measured ones; null: measured
              */
             imu_noise?: components["schemas"]["ImuNoise"] | string | null;
             /**
              * Imu Sampling
-             * @description when the IMU's readings were taken: when their stamps say, evenly, or what the readings themselves tell
+             * @description when the IMU's readings were taken; as-stamped: at their stamps; even: at even steps; detect: what the readings themselves tell
              * @default detect
              * @enum {string}
              */
             imu_sampling: "detect" | "as-stamped" | "even";
             /**
              * Intrinsics
-             * @description the sensors' own parameters: estimated with priors, counted in the error bars alone, taken for ideal, or only the blocks named are estimated
+             * @description the sensors' own parameters; auto: estimated with priors; consider: not estimated, but counted in the error bars; off: sensors taken as ideal; a list: only the named blocks are estimated
              * @default auto
              */
             intrinsics: ("auto" | "consider" | "off") | ("gyroscope_scale" | "gyroscope_axes" | "gyroscope_rotation" | "accelerometer_scale" | "accelerometer_axes" | "accelerometer_delay" | "accelerometer_quadratic" | "g_sensitivity" | "size_effect" | "low_pass_spread" | "low_pass_skew" | "clock_rate" | "laser_range_offset" | "laser_elevation" | "laser_azimuth" | "laser_range_scale" | "eccentricity" | "range_offset" | "incidence" | "grazing")[];
             /**
              * Lidar
-             * @description a lidar preset's name, for the priors; None: as recognised
+             * @description name of a lidar preset, for the priors; null: as recognised
              */
             lidar?: string | null;
             /**
              * Lidar Sampling
-             * @description when sweeps began: when their stamps say, or as a rotor turns, where it tells that a host stamped them
+             * @description when sweeps began; as-stamped: at their stamps; detect: evenly, as a rotor turns, where the stamps are seen to be a host's
              * @default detect
              * @enum {string}
              */
             lidar_sampling: "detect" | "as-stamped";
             /**
              * Max Rounds
+             * @description the most rounds of associating points to planes and solving
              * @default 12
              */
             max_rounds: number;
             /**
              * Method
+             * @description paper: the published algorithm as it stands, for comparison
              * @default full
              * @enum {string}
              */
             method: "full" | "paper";
             /**
              * Points Per Plane Per Scan
-             * @description None: all points
+             * @description points used of each plane in each scan; null: all
              */
             points_per_plane_per_scan?: number | null;
             /**
              * Priors
+             * @description what is known of the calibration beforehand; at most one for each axis
              * @default []
              */
             priors: components["schemas"]["Prior"][];
             /**
              * Random Seed
+             * @description seed of the search for planes
              * @default 0
              */
             random_seed: number;
@@ -975,7 +1013,7 @@ export interface components {
          * @description The whole document. Where `status` is refused the answer's fields are None and `messages` has the reasons.
          */
         CalibrationResult: {
-            /** @description lidar coordinates to IMU coordinates */
+            /** @description the extrinsic: lidar coordinates to IMU coordinates */
             T_imu_lidar: components["schemas"]["Transform"] | null;
             /**
              * Accelerometer Bias M S2
@@ -996,7 +1034,7 @@ export interface components {
             evidence?: components["schemas"]["Evidence"] | null;
             /**
              * Gravity M S2
-             * @description its magnitude
+             * @description magnitude of gravity
              */
             gravity_m_s2: number | null;
             /** @description the rotation into the gyroscope's own axes, where the IMU's frame is the accelerometer's */
@@ -1024,9 +1062,9 @@ export interface components {
              * @description what was found and done on the way
              */
             messages: components["schemas"]["Message"][];
-            /** @description what the motion left unknown */
+            /** @description what the data alone leave weak */
             observability: components["schemas"]["Observability"];
-            /** @description of what, how and by what it was made */
+            /** @description what was solved, how, and by which software */
             provenance: components["schemas"]["Provenance"];
             /** @description how well the answer fits */
             quality: components["schemas"]["Quality"];
@@ -1068,51 +1106,97 @@ export interface components {
          *     Any change of a read setting starts a new inspection.
          */
         ChangeRecording: {
-            /** Accelerometer Unit */
+            /**
+             * Accelerometer Unit
+             * @description unit of the accelerometer's readings; null: detect it
+             */
             accelerometer_unit?: ("m_s2" | "g") | null;
             /**
              * End S
+             * @description what was received later is left out; seconds after the recording's start; null: to its end
              * @example 32
              */
             end_s?: number | null;
-            /** Gyroscope Unit */
+            /**
+             * Gyroscope Unit
+             * @description unit of the gyroscope's readings; null: detect it
+             */
             gyroscope_unit?: ("rad_s" | "deg_s") | null;
-            /** Imu Bundles */
+            /**
+             * Imu Bundles
+             * @description spread: readings that a driver stamped together are spread over time, and readings sent twice count once; as-stamped: all readings as they came
+             */
             imu_bundles?: ("spread" | "as-stamped") | null;
-            /** Imu Topic */
+            /**
+             * Imu Topic
+             * @description topic of the IMU; null: the only one that fits
+             */
             imu_topic?: string | null;
-            /** Lidar Topic */
+            /**
+             * Lidar Topic
+             * @description topic of the clouds; null: the only one that fits
+             */
             lidar_topic?: string | null;
-            /** Name */
+            /**
+             * Name
+             * @description what people call it
+             */
             name?: string | null;
             /**
              * Note
              * @description what a person writes about it; empty: nothing
              */
             note?: string | null;
-            /** Point Time Field */
+            /**
+             * Point Time Field
+             * @description field of the clouds with each point's time; null: detect it
+             */
             point_time_field?: string | null;
-            /** Point Time Reference */
+            /**
+             * Point Time Reference
+             * @description what the point times count from: the header, which is the first or the last point's time, or the clock's own epoch; null: detect it
+             */
             point_time_reference?: ("header-first" | "header-last" | "absolute") | null;
-            /** Point Time Unit */
+            /**
+             * Point Time Unit
+             * @description unit of that field; null: detect it
+             */
             point_time_unit?: ("s" | "ms" | "us" | "ns") | null;
-            /** Points At Once */
+            /**
+             * Points At Once
+             * @description all points of a scan were taken at its stamp, as by a flash lidar or a depth camera
+             */
             points_at_once?: boolean | null;
-            /** Range Max M */
+            /**
+             * Range Max M
+             * @description points farther from the lidar are left out
+             */
             range_max_m?: number | null;
-            /** Range Min M */
+            /**
+             * Range Min M
+             * @description points nearer to the lidar are left out
+             */
             range_min_m?: number | null;
-            /** Repeated Returns */
+            /**
+             * Repeated Returns
+             * @description once: a return that is in a cloud twice, as from a lidar in dual mode, counts once; as-sent: all points as they came
+             */
             repeated_returns?: ("once" | "as-sent") | null;
-            /** Stamps */
+            /**
+             * Stamps
+             * @description which stamps count: those in the messages' headers, or the times at which the messages were received
+             */
             stamps?: ("header" | "receive") | null;
             /**
              * Start S
-             * @description seconds after the recording's start
+             * @description what was received earlier is left out; seconds after the recording's start; null: from its start
              * @example 2
              */
             start_s?: number | null;
-            /** Synthesise Point Time */
+            /**
+             * Synthesise Point Time
+             * @description make up the times of clouds that have none, from the azimuth or the order of their points; less accurate
+             */
             synthesise_point_time?: boolean | null;
         };
         /**
@@ -1122,81 +1206,102 @@ export interface components {
         ChangeView: {
             /**
              * Against
+             * @description what `both` and `wipe` compare the de-skewed cloud with
              * @default raw
              * @enum {string}
              */
             against: "raw" | "old";
             /**
              * Click
+             * @description what the mouse does on the canvas in mode planes: a click confirms or drops a plane, or grows one; `restrict`: a drag draws a box, a click chooses the plane it is for
              * @default toggle
              * @enum {string}
              */
             click: "toggle" | "grow" | "restrict";
             /**
              * Color By
+             * @description what the points' colours mean: their plane, their time in the sweep, their distance from the plane, or the lidar's intensity
              * @default plane
              * @enum {string}
              */
             color_by: "plane" | "time" | "residual" | "intensity";
             /**
              * Dark
+             * @description colours for a dark page
              * @default false
              */
             dark: boolean;
             /**
              * Extent
+             * @description one scan, the map accumulated from many, or a surface laid through the de-skewed map
              * @default scan
              * @enum {string}
              */
             extent: "scan" | "map" | "surface";
-            /** Job Id */
+            /**
+             * Job Id
+             * @description the job whose result is shown; null: the latest that has one
+             */
             job_id?: string | null;
             /**
              * Looks
+             * @description raise it to send the cameras to their preset again
              * @default 0
              */
             looks: number;
             /**
              * Mode
+             * @description which page's scene is shown: the planes, the solve under way, or the result
              * @default planes
              * @example inspect
              * @enum {string}
              */
             mode: "planes" | "solve" | "inspect";
+            /** @description a deliberate error of the answer; null: none */
             nudge?: components["schemas"]["Nudge"] | null;
+            /** @description an extrinsic to compare the answer with; null: none */
             old?: components["schemas"]["OldExtrinsic"] | null;
             /**
              * Point Scale
+             * @description size of the points, as a multiple of the size that fits their spacing
              * @default 1
              */
             point_scale: number;
             /**
              * Preset
+             * @description from where cameras look: at the room cut open, from inside it, straight down, or along a wall's normal
              * @default overview
              * @enum {string}
              */
             preset: "overview" | "inside" | "top" | "front";
             /**
              * Scan
+             * @description position among the recording's scans
              * @default 0
              * @example 40
              */
             scan: number;
             /**
              * Show
+             * @description one cloud; `both`: two in one place; `side`: beside each other; `wipe`: cut by an upright line
              * @default deskewed
              * @enum {string}
              */
             show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
             /**
              * Straight
+             * @description share of the motion that is taken out of a solve's sweeps; 0: as they came, 1: all
              * @default 1
              */
             straight: number;
-            /** Target */
+            /**
+             * Target
+             * @description index of the patch that the next box restricts; null: all
+             */
             target?: number | null;
             /**
              * Wipe
+             * @description where the line of `wipe` is, as a share of the canvas's width from the left
              * @default 0.5
              */
             wipe: number;
@@ -1206,6 +1311,7 @@ export interface components {
          * @description What somebody clicked or drew in the scene could not be done.
          */
         ClickRefused: {
+            /** @description why it could not be done */
             error: components["schemas"]["ErrorFacts"];
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -1230,6 +1336,7 @@ export interface components {
             notes: string[];
             /**
              * Text
+             * @description the command line
              * @example unsweep calibrate room.bag --exclude=12.5:14 --output result.json
              */
             text: string;
@@ -1241,10 +1348,14 @@ export interface components {
         CommandFile: {
             /**
              * Name
+             * @description of the file
              * @example planes.json
              */
             name: string;
-            /** Text */
+            /**
+             * Text
+             * @description what is in it
+             */
             text: string;
         };
         /**
@@ -1254,7 +1365,7 @@ export interface components {
         Confirm: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -1288,68 +1399,114 @@ export interface components {
          * @description Whether the confirmed planes fix all three directions of space.
          */
         Determinacy: {
-            /** Ok */
+            /**
+             * Ok
+             * @description whether they do: a solve can follow the motion
+             */
             ok: boolean;
             /**
              * Smallest Eigenvalue
-             * @description of the mean of n n^T over distinct confirmed directions: 1/3 is best, 0 leaves a direction free
+             * @description of the mean of n n^T over the confirmed planes' distinct directions: 1/3 is best, 0 leaves a direction free
              */
             smallest_eigenvalue: number;
-            /** Text */
+            /**
+             * Text
+             * @description which planes are missing, or that none is; for a person
+             */
             text: string;
         };
         /**
          * DoctorReport
          * @description The whole report.
-         *
-         *     final: False for what is known on the way: what is None or empty may still be found, and the verdict be another.
          */
         DoctorReport: {
-            /** Advice */
+            /**
+             * Advice
+             * @description what to record or change; a sentence each
+             */
             advice: string[];
-            /** Clock Offset S */
+            /**
+             * Clock Offset S
+             * @description to ADD to an IMU stamp to bring it near the lidar clock, coarse; 0: both clocks count from the same instant
+             */
             clock_offset_s: number;
             /**
              * Container
+             * @description whether its messages are those of ROS 1 or ROS 2
              * @enum {string}
              */
             container: "ros1" | "ros2";
-            /** Duration S */
+            /**
+             * Duration S
+             * @description from the first message received to the last
+             */
             duration_s: number;
             /**
              * Final
+             * @description false: known on the way; what is null or empty may still be found, and the verdict may change
              * @default true
              */
             final: boolean;
-            /** Findings */
+            /**
+             * Findings
+             * @description what was detected, each with its evidence
+             */
             findings: components["schemas"]["FindingReport"][];
+            /** @description what a solve would know; null where it cannot be made, or not yet */
             forecast?: components["schemas"]["Forecast"] | null;
+            /** @description the IMU that would be calibrated; null where there is none, or not yet */
             imu: components["schemas"]["ImuReport"] | null;
-            /** Imu Candidates */
+            /**
+             * Imu Candidates
+             * @description topics that could serve as the IMU
+             */
             imu_candidates: string[];
+            /** @description the lidar that would be calibrated; null where there is none, or not yet */
             lidar: components["schemas"]["LidarReport"] | null;
-            /** Lidar Candidates */
+            /**
+             * Lidar Candidates
+             * @description topics that could serve as the lidar
+             */
             lidar_candidates: string[];
-            /** Name */
+            /**
+             * Name
+             * @description of the file or folder
+             */
             name: string;
+            /** @description planes that a solve can expect; null where they were not looked for, or not yet */
             planes?: components["schemas"]["PlanesReport"] | null;
-            /** Reasons */
+            /**
+             * Reasons
+             * @description what the verdict rests on; a sentence each
+             */
             reasons: string[];
             /**
              * Schema
+             * @description which document this is
              * @default unsweep.report/1
              * @constant
              */
             schema: "unsweep.report/1";
-            /** Size Bytes */
+            /**
+             * Size Bytes
+             * @description of the recording as it was given
+             */
             size_bytes: number;
-            /** Start Ns */
+            /**
+             * Start Ns
+             * @description receive time of the first message, nanoseconds since 1970
+             */
             start_ns: number;
+            /** @description motion over time, for a plot */
             timeline: components["schemas"]["ReportTimeline"];
-            /** Topics */
+            /**
+             * Topics
+             * @description all topics of the recording
+             */
             topics: components["schemas"]["TopicReport"][];
             /**
              * Verdict
+             * @description good: ready to calibrate; limited: some of the answer would stay unknown or doubtful; unusable: a solve would be refused
              * @enum {string}
              */
             verdict: "good" | "limited" | "unusable";
@@ -1361,7 +1518,7 @@ export interface components {
         Drop: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -1380,6 +1537,7 @@ export interface components {
          * @description The body of every answer whose status is 400 or above.
          */
         ErrorBody: {
+            /** @description what went wrong */
             error: components["schemas"]["ErrorFacts"];
         };
         /**
@@ -1405,12 +1563,15 @@ export interface components {
         ErrorFacts: {
             /**
              * Code
+             * @description stable and dotted
              * @example recording.not_found
              */
             code: string;
+            /** @description more for a program; null: none */
             details?: components["schemas"]["ErrorDetails"] | null;
             /**
              * Text
+             * @description one sentence for a person: what is wrong and what to do
              * @example No recording has the id 5f0c...; open the list of recordings and pick one.
              */
             text: string;
@@ -1430,61 +1591,92 @@ export interface components {
          * @description One number behind a finding.
          */
         EvidenceReport: {
-            /** Name */
+            /**
+             * Name
+             * @description what the number is, in words
+             */
             name: string;
             /**
              * Unit
+             * @description unit of value; empty: none
              * @default
              */
             unit: string;
-            /** Value */
+            /**
+             * Value
+             * @description the number, or a word
+             */
             value: number | string;
         };
         /**
          * ExcitationReport
-         * @description How much the recording moves. Per axis x y z of the IMU.
-         *
-         *     axis_condition: largest over smallest eigenvalue of the mean of omega omega^T; near 1 is turning about all axes.
-         *     rotation_reversals: changes of direction above 5 deg/s, all axes.
+         * @description How much the recording moves. Three numbers are those of the IMU's axes x, y, z.
          */
         ExcitationReport: {
-            /** Acceleration Rms M S2 */
+            /**
+             * Acceleration Rms M S2
+             * @description standard deviation of the accelerometer's readings while moving
+             */
             acceleration_rms_m_s2: [
                 number,
                 number,
                 number
             ];
-            /** Angular Acceleration Peak Deg S2 */
+            /**
+             * Angular Acceleration Peak Deg S2
+             * @description angular acceleration that 99.5 % of the moving readings stay below
+             */
             angular_acceleration_peak_deg_s2: [
                 number,
                 number,
                 number
             ];
-            /** Axis Condition */
+            /**
+             * Axis Condition
+             * @description largest over smallest eigenvalue of the mean of omega omega^T; near 1: turns about all axes alike
+             */
             axis_condition: number;
-            /** Moving S */
+            /**
+             * Moving S
+             * @description how long the rig moved
+             */
             moving_s: number;
-            /** Rotation Peak Deg S */
+            /**
+             * Rotation Peak Deg S
+             * @description rate of rotation that 99.5 % of the moving readings stay below
+             */
             rotation_peak_deg_s: [
                 number,
                 number,
                 number
             ];
-            /** Rotation Reversals */
+            /**
+             * Rotation Reversals
+             * @description changes of the direction of rotation at more than 5 deg/s, all axes together
+             */
             rotation_reversals: number;
-            /** Rotation Rms Deg S */
+            /**
+             * Rotation Rms Deg S
+             * @description root mean square rate of rotation while moving, without the bias
+             */
             rotation_rms_deg_s: [
                 number,
                 number,
                 number
             ];
-            /** Weakest Axis */
+            /**
+             * Weakest Axis
+             * @description unit vector, IMU axes, about which the rig turned least
+             */
             weakest_axis: [
                 number,
                 number,
                 number
             ];
-            /** Weakest Axis Rms Deg S */
+            /**
+             * Weakest Axis Rms Deg S
+             * @description root mean square rate of rotation about it
+             */
             weakest_axis_rms_deg_s: number;
         };
         /**
@@ -1494,22 +1686,31 @@ export interface components {
         ExtrinsicText: {
             /**
              * Direction
-             * @description of bare numbers: imu_lidar takes lidar coordinates to the IMU's
+             * @description only for bare numbers; imu_lidar: they take lidar coordinates to IMU coordinates; lidar_imu: the other direction
              * @default imu_lidar
              * @enum {string}
              */
             direction: "imu_lidar" | "lidar_imu";
-            /** Text */
+            /**
+             * Text
+             * @description a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers
+             */
             text: string;
         };
         /**
          * FieldReport
-         * @description One field of the clouds. type: NumPy's name, e.g. "float32".
+         * @description One field of the clouds.
          */
         FieldReport: {
-            /** Name */
+            /**
+             * Name
+             * @description of the field
+             */
             name: string;
-            /** Type */
+            /**
+             * Type
+             * @description NumPy's name of its type, such as float32
+             */
             type: string;
         };
         /**
@@ -1517,34 +1718,45 @@ export interface components {
          * @description types.Finding as JSON.
          */
         FindingReport: {
-            /** Code */
+            /**
+             * Code
+             * @description stable and dotted, such as points.time_field
+             */
             code: string;
             /**
              * Confidence
+             * @description how sure it is, 0..1
              * @default 1
              */
             confidence: number;
             /**
              * Consequence
+             * @description what follows from it, for a person; empty: nothing to say
              * @default
              */
             consequence: string;
             /**
              * Evidence
+             * @description the numbers behind it
              * @default []
              */
             evidence: components["schemas"]["EvidenceReport"][];
             /**
              * Level
+             * @description how much it matters
              * @enum {string}
              */
             level: "info" | "warning" | "error";
             /**
              * Override
+             * @description the option of `unsweep calibrate` that replaces the detection, such as --point-time-unit ns, or what to do; empty: none
              * @default
              */
             override: string;
-            /** Text */
+            /**
+             * Text
+             * @description what was found; one sentence for a person
+             */
             text: string;
         };
         /**
@@ -1554,80 +1766,102 @@ export interface components {
         FolderEntry: {
             /**
              * Kind
+             * @description recording: can be opened; folder: can be listed; file: neither
              * @enum {string}
              */
             kind: "file" | "folder" | "recording";
-            /** Name */
+            /**
+             * Name
+             * @description of the file or folder itself
+             */
             name: string;
             /**
              * Path
              * @description below the recordings folder; give it back as `folder_path` or `path`
              */
             path: string;
-            /** Size Bytes */
+            /**
+             * Size Bytes
+             * @description of a file or a recording; 0 of a folder, and of what the server may not read
+             */
             size_bytes: number;
         };
         /**
          * FolderListing
-         * @description A folder below the server's recordings folder. `parent` is None at the top.
+         * @description A folder below the server's recordings folder.
          */
         FolderListing: {
-            /** Entries */
+            /**
+             * Entries
+             * @description what is in it, by name; hidden files are left out
+             */
             entries: components["schemas"]["FolderEntry"][];
             /**
              * Links Out
-             * @description links that lead out of the recordings folder; it is never left, so they are no entries
+             * @description links that lead out of the recordings folder; they are not followed and are no entries
              * @default 0
              */
             links_out: number;
-            /** Parent */
+            /**
+             * Parent
+             * @description path of the folder above; null at the top
+             */
             parent: string | null;
-            /** Path */
+            /**
+             * Path
+             * @description of this folder, below the recordings folder; empty at the top
+             */
             path: string;
         };
         /**
          * Forecast
          * @description What a solve of this recording would know, before it is run.
-         *
-         *     text: for a person.   parameters: all seven, or none where `reason` says why, under the stable `code`.
-         *     weak: a sentence for each direction that stays weak.   planes: names of those it rests on.   advice: what to record.
-         *     covered_s: seconds that could be followed and that the numbers rest on, standstill included.
          */
         Forecast: {
             /**
              * Advice
+             * @description what to record; a sentence each
              * @default []
              */
             advice: string[];
             /**
              * Code
+             * @description stable and dotted code of that reason; empty where there is a forecast
              * @default
              */
             code: string;
             /**
              * Covered S
+             * @description seconds of the recording that the numbers rest on, standstill included
              * @default 0
              */
             covered_s: number;
-            /** Parameters */
+            /**
+             * Parameters
+             * @description all seven, in covariance_order; none where there is no forecast
+             */
             parameters: components["schemas"]["ParameterForecast"][];
             /**
              * Planes
+             * @description names of the planes that the forecast rests on
              * @default []
              */
             planes: string[];
             /**
              * Reason
+             * @description why there is no forecast, for a person; empty where there is one
              * @default
              */
             reason: string;
             /**
              * Text
+             * @description the forecast in one sentence or two, for a person
              * @default
              */
             text: string;
             /**
              * Weak
+             * @description a sentence for each direction that stays weak
              * @default []
              */
             weak: string[];
@@ -1639,30 +1873,35 @@ export interface components {
         Foreseen: {
             /**
              * Limit
-             * @description beyond which the axis is weak, in the same unit
+             * @description beyond this standard deviation the axis is weak
              */
             limit: number;
             /**
              * Name
+             * @description of the axis, for a person
              * @example Position z
              */
             name: string;
-            /** Std */
+            /**
+             * Std
+             * @description standard deviation to expect, in unit
+             */
             std: number;
             /**
              * Text
-             * @description of a weak axis: what is the matter, and what to do; for a person
+             * @description of a weak axis: why, and what to do; for a person
              * @default
              */
             text: string;
             /**
              * Unit
+             * @description of std and limit
              * @enum {string}
              */
             unit: "deg" | "m" | "s";
             /**
              * Weak
-             * @description whether it is beyond the limit: a solve would not know this axis
+             * @description whether a solve would leave this axis weak
              */
             weak: boolean;
         };
@@ -1673,11 +1912,13 @@ export interface components {
         Gravity: {
             /**
              * Magnitude M S2
+             * @description mean of the prior
              * @default 9.807
              */
             magnitude_m_s2: number;
             /**
              * Std M S2
+             * @description standard deviation of the prior; 0: the magnitude is exact
              * @default 0.02
              */
             std_m_s2: number;
@@ -1689,7 +1930,7 @@ export interface components {
         Grow: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -1731,6 +1972,7 @@ export interface components {
         Health: {
             /**
              * Status
+             * @description always ok
              * @default ok
              * @constant
              */
@@ -1741,47 +1983,66 @@ export interface components {
          * @description Continuous-time noise densities; the keys of the contract's noise file.
          */
         ImuNoise: {
-            /** Accelerometer Noise Density M S2 Sqrt Hz */
+            /**
+             * Accelerometer Noise Density M S2 Sqrt Hz
+             * @description white noise of the accelerometer, of each axis [m/s²/√Hz]
+             */
             accelerometer_noise_density_m_s2_sqrt_hz: number;
             /**
              * Accelerometer Random Walk
+             * @description how the accelerometer's bias wanders [m/s² per √s]
              * @default 0.0001
              */
             accelerometer_random_walk: number;
-            /** Gyroscope Noise Density Rad S Sqrt Hz */
+            /**
+             * Gyroscope Noise Density Rad S Sqrt Hz
+             * @description white noise of the gyroscope, of each axis [rad/s/√Hz]
+             */
             gyroscope_noise_density_rad_s_sqrt_hz: number;
             /**
              * Gyroscope Random Walk
+             * @description how the gyroscope's bias wanders [rad/s per √s]
              * @default 0.00001
              */
             gyroscope_random_walk: number;
-            /** Range Std M */
+            /**
+             * Range Std M
+             * @description standard deviation of the lidar's ranges, along the beam; null: measured
+             */
             range_std_m?: number | null;
         };
         /**
          * ImuNoiseReport
-         * @description Noise densities. origin: "measured", or a preset's name; resolution: the readings' smallest step.
-         *
-         *     static_s: of the standstill it was measured in, 0 where it was measured in motion.
+         * @description Noise densities of the IMU, measured or from a preset.
          */
         ImuNoiseReport: {
             /**
              * Accelerometer Resolution M S2
+             * @description smallest step between its readings, of the coarsest axis; 0: not measured
              * @default 0
              */
             accelerometer_resolution_m_s2: number;
             /**
              * Gyroscope Resolution Rad S
+             * @description smallest step between its readings, of the coarsest axis; 0: not measured
              * @default 0
              */
             gyroscope_resolution_rad_s: number;
+            /** @description the noise densities */
             noise: components["schemas"]["ImuNoise"];
-            /** Origin */
+            /**
+             * Origin
+             * @description measured, or the name of a preset
+             */
             origin: string;
-            /** Source */
+            /**
+             * Source
+             * @description what they were measured from, or where the preset's are from; for a person
+             */
             source: string;
             /**
              * Static S
+             * @description length of the standstill they were measured in; 0: they were measured in motion, or are a preset's
              * @default 0
              */
             static_s: number;
@@ -1789,41 +2050,69 @@ export interface components {
         /**
          * ImuReport
          * @description The IMU that would be calibrated.
-         *
-         *     noise_used: by a solve that is not told otherwise: "measured" in a standstill, or "moving": what no motion explains.
-         *     noise_text: both numbers and which is used, for a person.
          */
         ImuReport: {
-            /** Accelerometer Unit */
+            /**
+             * Accelerometer Unit
+             * @description unit in which they were sent, as detected or as told: m_s2 or g
+             */
             accelerometer_unit: string;
+            /** @description how much the rig moves */
             excitation: components["schemas"]["ExcitationReport"];
-            /** Frame Id */
+            /**
+             * Frame Id
+             * @description frame named in the readings' headers
+             */
             frame_id: string;
-            /** Gravity At Rest M S2 */
+            /**
+             * Gravity At Rest M S2
+             * @description median norm of the acceleration at rest; over all readings where the rig never rests
+             */
             gravity_at_rest_m_s2: number;
-            /** Gyroscope Unit */
+            /**
+             * Gyroscope Unit
+             * @description unit in which they were sent, as detected or as told: rad_s or deg_s
+             */
             gyroscope_unit: string;
+            /** @description noise measured in this recording; null where there are too few readings */
             measured_noise: components["schemas"]["ImuNoiseReport"] | null;
             /**
              * Noise Text
+             * @description both numbers and which is used, for a person
              * @default
              */
             noise_text: string;
             /**
              * Noise Used
+             * @description which noise a solve uses unless told otherwise: measured in a standstill, measured while moving, or the preset's
              * @enum {string}
              */
             noise_used: "measured" | "moving" | "preset";
-            /** Preset Identified */
+            /**
+             * Preset Identified
+             * @description whether the IMU was recognised by its name
+             */
             preset_identified: boolean;
+            /** @description noise by data sheet, of the recognised IMU or of an unknown one */
             preset_noise: components["schemas"]["ImuNoiseReport"];
-            /** Readings */
+            /**
+             * Readings
+             * @description how many readings were read
+             */
             readings: number;
+            /** @description largest readings, and clipping */
             saturation: components["schemas"]["SaturationReport"];
+            /** @description how regular the readings' stamps are */
             stamps: components["schemas"]["StampReport"];
-            /** Still Spans */
+            /**
+             * Still Spans
+             * @description where the rig stands still for a second or longer
+             */
             still_spans: components["schemas"]["ReportSpan"][];
-            /** Topic */
+            /**
+             * Topic
+             * @description topic of its readings
+             */
             topic: string;
         };
         /**
@@ -1836,7 +2125,10 @@ export interface components {
              * @description T_imu_lidar, 4 rows of 4
              */
             matrix?: number[][] | null;
-            /** Time Offset S */
+            /**
+             * Time Offset S
+             * @description to ADD to an IMU stamp to express it in the lidar clock; null: found by itself
+             */
             time_offset_s?: number | null;
         };
         /**
@@ -1846,7 +2138,7 @@ export interface components {
         Insist: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -1891,7 +2183,7 @@ export interface components {
              * @description standard deviation that was allowed beforehand
              */
             prior_std: number;
-            /** @description of what was only considered: by how much the answer is off where it is one prior_std above zero */
+            /** @description only where state is considered: by how much the answer is off if the parameter is one prior_std above zero */
             shift?: components["schemas"]["Shift"] | null;
             /**
              * Significant
@@ -1925,9 +2217,15 @@ export interface components {
          * @description One accepted step of the joint solve.
          */
         IterationEvent: {
-            /** Cost */
+            /**
+             * Cost
+             * @description value that the solve makes small: half the sum of squared, weighted residuals; no unit
+             */
             cost: number;
-            /** Euler Xyz Deg */
+            /**
+             * Euler Xyz Deg
+             * @description roll, pitch, yaw of T_imu_lidar: R = Rz(yaw) Ry(pitch) Rx(roll)
+             */
             euler_xyz_deg: number[];
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -1936,97 +2234,138 @@ export interface components {
             event: "iteration";
             /**
              * Gravity M S2
-             * @description in the frame of `sweeps`, which need not be that of the planes; empty: not told
+             * @description gravity vector in the frame of `sweeps`, which need not be the frame of the recording's proposed planes; empty: not told
              */
             gravity_m_s2?: number[];
-            /** Iteration */
+            /**
+             * Iteration
+             * @description steps accepted since the solve began; 1 is the first
+             */
             iteration: number;
-            /** Matrix */
+            /**
+             * Matrix
+             * @description T_imu_lidar of this step, 4 rows of 4: homogeneous lidar coordinates to IMU coordinates
+             */
             matrix: number[][];
-            /** Planes */
+            /**
+             * Planes
+             * @description each plane of the solve, and how far its points are from it now
+             */
             planes: components["schemas"]["PlaneResidual"][];
             /**
              * Rotation Std Deg
-             * @description null: held in this round
+             * @description standard deviations about the lidar's axes x, y, z; null: held in this round
              */
             rotation_std_deg: (number | null)[];
-            /** Round */
+            /**
+             * Round
+             * @description round of associating points to planes; 1 is the first
+             */
             round: number;
             /**
              * Sweeps
-             * @description some sweeps where this step puts them
+             * @description the lidar's motion during some sweeps, by this step's estimate
              * @default []
              */
             sweeps: components["schemas"]["SweepMotion"][];
-            /** Time Offset S */
+            /**
+             * Time Offset S
+             * @description to ADD to an IMU stamp to express it in the lidar clock
+             */
             time_offset_s: number;
             /**
              * Time Offset Std S
-             * @description null: held in this round
+             * @description standard deviation of time_offset_s; null: held in this round
              */
             time_offset_std_s: number | null;
-            /** Translation M */
+            /**
+             * Translation M
+             * @description the lidar's origin seen from the IMU, along the IMU's axes
+             */
             translation_m: number[];
             /**
              * Translation Std M
-             * @description null: held in this round
+             * @description standard deviations along the IMU's axes x, y, z; null: held in this round
              */
             translation_std_m: (number | null)[];
         };
         /**
          * Job
-         * @description One run. `fraction` is of the current stage, 0..1.
+         * @description One run of a job.
          */
         Job: {
             /**
              * Created At
              * Format: date-time
+             * @description when it was asked for
              */
             created_at: string;
-            /** Ended At */
+            /**
+             * Ended At
+             * @description when it reached its final state; null: not yet
+             */
             ended_at?: string | null;
+            /** @description why it failed; null unless `state` is failed */
             error?: components["schemas"]["ErrorFacts"] | null;
             /**
              * Fraction
+             * @description how much of this stage is done, 0..1
              * @default 0
              */
             fraction: number;
             /**
              * Id
+             * @description of the job; of a solve also that of its result
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             id: string;
             /**
              * Kind
+             * @description what it does
              * @enum {string}
              */
             kind: "simulate" | "inspect" | "planes" | "solve" | "audit" | "surface";
             /**
              * Planes
-             * @description those confirmed when a solve was asked for
+             * @description planes that were confirmed when a solve was asked for
              */
             planes?: components["schemas"]["PlaneLook"][];
             /**
              * Queue Place
-             * @description while it waits: 1 is next; jobs of all clients take turns
+             * @description its place in the queue; 1 is next; null: it does not wait. Jobs of all clients take turns
              */
             queue_place?: number | null;
             /**
              * Recording Id
+             * @description the recording it works on
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             recording_id: string;
-            /** Result */
+            /**
+             * Result
+             * @description summary of what it made; null until it is done
+             */
             result?: (components["schemas"]["SimulateOutcome"] | components["schemas"]["InspectOutcome"] | components["schemas"]["PlanesOutcome"] | components["schemas"]["SolveOutcome"] | components["schemas"]["AuditOutcome"] | components["schemas"]["SurfaceOutcome"]) | null;
-            /** Retry Of */
+            /**
+             * Retry Of
+             * @description the earlier job that this one repeats; null: none
+             */
             retry_of?: string | null;
+            /** @description how it solves; of another kind of job the defaults */
             settings: components["schemas"]["CalibrateSettings"];
-            /** Stage */
+            /**
+             * Stage
+             * @description what it is doing now; null: it does not run, or has not said yet
+             */
             stage?: string | null;
-            /** Started At */
+            /**
+             * Started At
+             * @description when it began to run; null: not yet
+             */
             started_at?: string | null;
             /**
              * State
+             * @description final are done, failed, cancelled and interrupted
              * @enum {string}
              */
             state: "queued" | "running" | "cancelling" | "done" | "failed" | "cancelled" | "interrupted";
@@ -2037,6 +2376,7 @@ export interface components {
             state_text: string;
             /**
              * Text
+             * @description details of the stage, for a person
              * @default
              */
             text: string;
@@ -2051,6 +2391,7 @@ export interface components {
              * @enum {string}
              */
             event: "job-changed";
+            /** @description the job in its new state */
             job: components["schemas"]["Job"];
         };
         /**
@@ -2063,58 +2404,94 @@ export interface components {
              * @enum {string}
              */
             event: "state";
+            /** @description the job in its new state */
             job: components["schemas"]["Job"];
         };
         /**
          * LidarPresetReport
-         * @description Range noise to expect. identified: whether the sensor's name was recognised.
+         * @description Range noise to expect.
          */
         LidarPresetReport: {
-            /** Identified */
+            /**
+             * Identified
+             * @description whether the sensor was recognised by its name; false: the preset of an unknown lidar
+             */
             identified: boolean;
-            /** Name */
+            /**
+             * Name
+             * @description of the preset
+             */
             name: string;
-            /** Range Std M */
+            /**
+             * Range Std M
+             * @description standard deviation of one range, along the beam
+             */
             range_std_m: number;
-            /** Source */
+            /**
+             * Source
+             * @description where the number is from
+             */
             source: string;
         };
         /**
          * LidarReport
          * @description The lidar that would be calibrated.
-         *
-         *     measured_range_std_m: range noise seen on the planes, which a solve uses; None where no plane could be followed.
          */
         LidarReport: {
-            /** Fields */
+            /**
+             * Fields
+             * @description fields of the first cloud
+             */
             fields: components["schemas"]["FieldReport"][];
-            /** Frame Id */
+            /**
+             * Frame Id
+             * @description frame named in the clouds' headers
+             */
             frame_id: string;
-            /** Layout */
+            /**
+             * Layout
+             * @description name of the recognised field layout
+             */
             layout: string;
-            /** Measured Range Std M */
+            /**
+             * Measured Range Std M
+             * @description range noise seen on the planes, which a solve uses; null where no plane could be followed
+             */
             measured_range_std_m?: number | null;
+            /** @description how the point times are read; null where the clouds carry none */
             point_time: components["schemas"]["PointTimeReport"] | null;
+            /** @description what is known of this lidar beforehand */
             preset: components["schemas"]["LidarPresetReport"];
+            /** @description distances in the examined scans; null where none could be decoded */
             ranges: components["schemas"]["RangeReport"] | null;
-            /** Rings */
+            /**
+             * Rings
+             * @description most different ring numbers in one examined scan
+             */
             rings: number;
-            /** Scans */
+            /**
+             * Scans
+             * @description how many clouds were read
+             */
             scans: number;
+            /** @description how regular the clouds' header stamps are */
             stamps: components["schemas"]["StampReport"];
-            /** Topic */
+            /**
+             * Topic
+             * @description topic of its clouds
+             */
             topic: string;
         };
         /**
          * Limits
          * @description The largest difference that is still right. A number holds for all three axes; null: this is not judged.
          *
-         *     rotation_deg: about the lidar's axes x y z.   translation_mm: along the IMU's axes x y z.   time_offset_ms: of the clocks.
          *     Without a file the limits beyond which our own result would be called weak.
          */
         Limits: {
             /**
              * Rotation Deg
+             * @description about the lidar's axes x, y, z
              * @default 0.5
              */
             rotation_deg: number | [
@@ -2124,17 +2501,20 @@ export interface components {
             ] | null;
             /**
              * Schema
+             * @description which document this is
              * @default unsweep.limits/1
              * @constant
              */
             schema: "unsweep.limits/1";
             /**
              * Time Offset Ms
+             * @description of the time offset
              * @default 2
              */
             time_offset_ms: number | null;
             /**
              * Translation Mm
+             * @description along the IMU's axes x, y, z
              * @default 20
              */
             translation_mm: number | [
@@ -2148,7 +2528,10 @@ export interface components {
          * @description A sentence for a person.
          */
         LogEvent: {
-            /** Code */
+            /**
+             * Code
+             * @description stable and dotted
+             */
             code: string;
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -2157,10 +2540,14 @@ export interface components {
             event: "log";
             /**
              * Level
+             * @description how much it matters
              * @enum {string}
              */
             level: "info" | "warning" | "error";
-            /** Text */
+            /**
+             * Text
+             * @description one sentence for a person
+             */
             text: string;
         };
         /**
@@ -2170,11 +2557,12 @@ export interface components {
         Merge: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
              * Indices
+             * @description the patches to join
              * @example [
              *       0,
              *       5
@@ -2213,7 +2601,7 @@ export interface components {
         NewAudit: {
             /**
              * Direction
-             * @description of bare numbers: imu_lidar takes lidar coordinates to the IMU's
+             * @description only for bare numbers; imu_lidar: they take lidar coordinates to IMU coordinates; lidar_imu: the other direction
              * @default imu_lidar
              * @enum {string}
              */
@@ -2224,6 +2612,7 @@ export interface components {
              */
             extrinsic: string;
             /**
+             * @description how far off each axis may be
              * @default {
              *       "rotation_deg": 0.5,
              *       "schema": "unsweep.limits/1",
@@ -2238,14 +2627,17 @@ export interface components {
          * @description What to run. `settings` and `initial_guess` belong to a solve; its planes are those confirmed now.
          */
         NewJob: {
+            /** @description where the solve starts; null: found by itself */
             initial_guess?: components["schemas"]["InitialGuess"] | null;
             /**
              * Kind
+             * @description what to do
              * @example solve
              * @enum {string}
              */
             kind: "inspect" | "planes" | "solve";
             /**
+             * @description how to solve
              * @default {
              *       "bias_model": "random-walk",
              *       "cloud": "detect",
@@ -2275,7 +2667,7 @@ export interface components {
         NewShareLink: {
             /**
              * Hours
-             * @description the link ends after so many
+             * @description after so many hours the link ends
              * @default 24
              */
             hours: number;
@@ -2287,36 +2679,43 @@ export interface components {
         Nudge: {
             /**
              * Dt S
+             * @description added to the time offset
              * @default 0
              */
             dt_s: number;
             /**
              * Rx Deg
+             * @description turn about the lidar's x axis
              * @default 0
              */
             rx_deg: number;
             /**
              * Ry Deg
+             * @description turn about the lidar's y axis
              * @default 0
              */
             ry_deg: number;
             /**
              * Rz Deg
+             * @description turn about the lidar's z axis
              * @default 0
              */
             rz_deg: number;
             /**
              * Tx M
+             * @description shift along the IMU's x axis
              * @default 0
              */
             tx_m: number;
             /**
              * Ty M
+             * @description shift along the IMU's y axis
              * @default 0
              */
             ty_m: number;
             /**
              * Tz M
+             * @description shift along the IMU's z axis
              * @default 0
              */
             tz_m: number;
@@ -2349,27 +2748,27 @@ export interface components {
         OffsetProfile: {
             /**
              * Best S
-             * @description where it is highest, from the answer's time offset
+             * @description time offset at which the likeness is highest, minus the answer's
              */
             best_s: number;
             /**
              * First S
-             * @description time offset of the first value, from the answer's
+             * @description time offset of the first value, minus the answer's
              */
             first_s: number;
             /**
              * Likeness
-             * @description 1 where a turn of the axes explains all of both, null where too little is in common
+             * @description 1: one rotation between the axes explains both rates of rotation completely; null: they have too little time in common
              */
             likeness: (number | null)[];
             /**
              * Step S
-             * @description between two values
+             * @description from one value to the next
              */
             step_s: number;
             /**
              * Text
-             * @description what that says of the answer; empty in older documents
+             * @description what the profile says about the answer, for a person; empty in older documents
              * @default
              */
             text: string;
@@ -2381,13 +2780,13 @@ export interface components {
         OldExtrinsic: {
             /**
              * Name
-             * @description what it is called on the scene, as a run's; '': an old extrinsic
+             * @description what the scene calls it, such as the name of a run; empty: an old extrinsic
              * @default
              */
             name: string;
             /**
              * Quaternion Xyzw
-             * @description of unit length, to two digits
+             * @description x, y, z, w of the rotation that takes lidar axes to the IMU's; of unit length, to two digits
              * @example [
              *       0,
              *       0,
@@ -2403,12 +2802,12 @@ export interface components {
             ];
             /**
              * Time Offset S
-             * @description None: the answer's own is kept
+             * @description to ADD to an IMU stamp to express it in the lidar clock; null: the answer's own is kept
              */
             time_offset_s?: number | null;
             /**
              * Translation M
-             * @description the lidar's origin in the IMU's frame
+             * @description the lidar's origin seen from the IMU, along the IMU's axes
              */
             translation_m: [
                 number,
@@ -2435,29 +2834,36 @@ export interface components {
         };
         /**
          * ParameterForecast
-         * @description Standard deviation to expect of one parameter of the calibration; units as in the result document.
-         *
-         *     advice: what to record to know it, "" where it is known or nothing can be said.
+         * @description Standard deviation to expect of one parameter of the calibration.
          */
         ParameterForecast: {
             /**
              * Advice
+             * @description what to record to know it, for a person; empty where it is known or nothing can be said
              * @default
              */
             advice: string;
             /**
              * Name
+             * @description as named in the result's covariance_order
              * @enum {string}
              */
             name: "rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt";
-            /** Std */
+            /**
+             * Std
+             * @description standard deviation to expect, in unit
+             */
             std: number;
             /**
              * Unit
+             * @description of std
              * @enum {string}
              */
             unit: "deg" | "m" | "s";
-            /** Weak */
+            /**
+             * Weak
+             * @description whether the data alone leave it beyond the limits of a weak answer
+             */
             weak: boolean;
         };
         /**
@@ -2486,7 +2892,10 @@ export interface components {
          * @description A detected plane, map frame: n . x + offset_m = 0.
          */
         Patch: {
-            /** Area M2 */
+            /**
+             * Area M2
+             * @description of the part that was seen
+             */
             area_m2: number;
             /**
              * Color
@@ -2494,37 +2903,58 @@ export interface components {
              * @example #0072b2
              */
             color: string;
-            /** Confirmed */
+            /**
+             * Confirmed
+             * @description whether a solve uses it
+             */
             confirmed: boolean;
             /**
              * Doubt
-             * @description what seems wrong with it before a solve, which leaves it out unless it is insisted on
+             * @description what seems wrong with it; a solve leaves it out unless it is insisted on; empty: nothing
              * @default
              * @example does not seem to stand still
              */
             doubt: string;
-            /** Index */
+            /**
+             * Index
+             * @description position in the list of patches; operations name it by this
+             */
             index: number;
             /**
              * Insisted
-             * @description whether it counts even where it turns out to be doubtful
+             * @description whether a solve uses it even where it turns out to be doubtful
              * @default false
              */
             insisted: boolean;
-            /** N Points */
+            /**
+             * N Points
+             * @description points of the cloud that lie on it
+             */
             n_points: number;
-            /** Name */
+            /**
+             * Name
+             * @description as people call it
+             */
             name: string;
-            /** Normal */
+            /**
+             * Normal
+             * @description unit length, map frame
+             */
             normal: number[];
-            /** Offset M */
+            /**
+             * Offset M
+             * @description n . x + offset_m = 0
+             */
             offset_m: number;
             /**
              * Restricted
-             * @description whether a box of its own leaves part of it out
+             * @description whether a box that was drawn for this plane leaves part of it out
              */
             restricted: boolean;
-            /** Rms M */
+            /**
+             * Rms M
+             * @description root mean square distance of these points from it
+             */
             rms_m: number;
             /**
              * Tilt Deg
@@ -2626,74 +3056,102 @@ export interface components {
             outline_m?: number[][] | null;
             /**
              * Points
-             * @description used of it
+             * @description points of it that were used
              */
             points: number;
             /**
              * Rms M
-             * @description of their distances, a surer one (seen at a grazing angle) counting more: less than their plain spread
+             * @description weighted root mean square distance of its points: those seen at a grazing angle count more, so that it is less than their plain spread
              */
             rms_m: number;
         };
         /**
          * PlaneReport
          * @description One plane that can be expected.
-         *
-         *     tilt_deg: between the plane and the horizontal, None (and kind "plane") where gravity is not known.   distance_m: from
-         *     the lidar.   points, rms_m: of the sampled points on it.   normal: of unit length, towards the lidar, lidar axes at the
-         *     reference scan; None in reports of older versions.   doubt: what seems wrong with it, so that a solve would leave it out, as
-         *     said of it: "does not seem to stand still"; "" where nothing does.
          */
         PlaneReport: {
-            /** Area M2 */
+            /**
+             * Area M2
+             * @description of the part that was seen
+             */
             area_m2: number;
-            /** Distance M */
+            /**
+             * Distance M
+             * @description from the lidar, at the reference scan
+             */
             distance_m: number;
             /**
              * Doubt
+             * @description what seems wrong with it, so that a solve would leave it out, such as: does not seem to stand still; empty: nothing
              * @default
              */
             doubt: string;
             /**
              * Kind
+             * @description what it is to someone standing upright; plane where gravity is not known
              * @enum {string}
              */
             kind: "floor" | "ceiling" | "wall" | "slanted" | "plane";
-            /** Name */
+            /**
+             * Name
+             * @description as people call it, such as wall 1
+             */
             name: string;
-            /** Normal */
+            /**
+             * Normal
+             * @description unit length, towards the lidar, lidar axes at the reference scan; null in reports of older versions
+             */
             normal?: [
                 number,
                 number,
                 number
             ] | null;
-            /** Points */
+            /**
+             * Points
+             * @description points that lie on it, of those sampled
+             */
             points: number;
-            /** Rms M */
+            /**
+             * Rms M
+             * @description root mean square distance of these points from it
+             */
             rms_m: number;
-            /** Tilt Deg */
+            /**
+             * Tilt Deg
+             * @description angle between the plane and the horizontal; null where gravity is not known
+             */
             tilt_deg: number | null;
         };
         /**
          * PlaneResidual
-         * @description Root mean square distance of a plane's points, now; and where the plane is, n . x + offset_m = 0.
+         * @description How far a plane's points are from it now, and where the plane is: n . x + offset_m = 0.
          */
         PlaneResidual: {
-            /** Name */
+            /**
+             * Name
+             * @description of the plane
+             */
             name: string;
             /**
              * Normal
-             * @description unit, in the frame of `sweeps`; empty: not told
+             * @description unit length, in the frame of `sweeps`; empty: not told
              */
             normal?: number[];
             /**
              * Offset M
+             * @description n . x + offset_m = 0, in the same frame
              * @default 0
              */
             offset_m: number;
-            /** Points */
+            /**
+             * Points
+             * @description points counted
+             */
             points: number;
-            /** Rms M */
+            /**
+             * Rms M
+             * @description root mean square distance of its points from it, at this step
+             */
             rms_m: number;
         };
         /**
@@ -2701,27 +3159,43 @@ export interface components {
          * @description The recording's planes as every browser sees them.
          */
         Planes: {
-            /** Can Redo */
+            /**
+             * Can Redo
+             * @description whether there is a change to make again
+             */
             can_redo: boolean;
-            /** Can Undo */
+            /**
+             * Can Undo
+             * @description whether there is a change to take back
+             */
             can_undo: boolean;
+            /** @description whether the confirmed planes fix all three directions of space */
             determinacy: components["schemas"]["Determinacy"];
-            /** @description None until there is a forecast, and where it cannot be told for these planes */
+            /** @description null until there is a forecast, and where it cannot be told for these planes */
             foreseen?: components["schemas"]["Foreseen"] | null;
-            /** Patches */
+            /**
+             * Patches
+             * @description all planes, confirmed or not
+             */
             patches: components["schemas"]["Patch"][];
             /**
              * Restricted
-             * @description whether a box leaves part of the cloud out, for all planes
+             * @description whether a box that was drawn for all planes leaves part of the cloud out
              */
             restricted: boolean;
-            /** Revision */
+            /**
+             * Revision
+             * @description grows by one with every change; for `expected_revision`
+             */
             revision: number;
-            /** Static */
+            /**
+             * Static
+             * @description whether the platform stood still while the cloud was taken
+             */
             static: boolean;
             /**
              * Upright
-             * @description whether the vertical is gravity's; else it is the map's z axis
+             * @description whether tilts are measured from gravity's vertical; false: from the map's z axis
              * @default false
              */
             upright: boolean;
@@ -2736,7 +3210,10 @@ export interface components {
              * @enum {string}
              */
             event: "planes-changed";
-            /** Revision */
+            /**
+             * Revision
+             * @description of the planes now
+             */
             revision: number;
         };
         /**
@@ -2749,9 +3226,15 @@ export interface components {
              * @enum {string}
              */
             kind: "planes";
-            /** Patches */
+            /**
+             * Patches
+             * @description planes proposed
+             */
             patches: number;
-            /** Points */
+            /**
+             * Points
+             * @description points of the cloud they were found in
+             */
             points: number;
             /**
              * Static
@@ -2761,22 +3244,33 @@ export interface components {
         };
         /**
          * PlanesReport
-         * @description The planes that can be expected, largest first.
-         *
-         *     determinacy: 0 where some direction of the lidar's motion is seen by none, 1 for three equal ones at right angles.
-         *     determined: whether they fix the lidar's pose.   text: for a person.   up: unit vector against gravity in the frame of
-         *     the normals; None where gravity is not known.
+         * @description The planes that can be expected.
          */
         PlanesReport: {
-            /** Determinacy */
+            /**
+             * Determinacy
+             * @description 0 where no plane sees some direction of the lidar's motion, 1 for three equal ones at right angles
+             */
             determinacy: number;
-            /** Determined */
+            /**
+             * Determined
+             * @description whether the planes fix the lidar's position
+             */
             determined: boolean;
-            /** Planes */
+            /**
+             * Planes
+             * @description largest first
+             */
             planes: components["schemas"]["PlaneReport"][];
-            /** Text */
+            /**
+             * Text
+             * @description what was found, for a person
+             */
             text: string;
-            /** Up */
+            /**
+             * Up
+             * @description unit vector against gravity in the frame of the normals; null where gravity is not known
+             */
             up?: [
                 number,
                 number,
@@ -2788,17 +3282,35 @@ export interface components {
          * @description How the point times are read; None in LidarReport where the clouds carry none.
          */
         PointTimeReport: {
-            /** Confidence */
+            /**
+             * Confidence
+             * @description how sure the detection is, 0..1
+             */
             confidence: number;
-            /** Field */
+            /**
+             * Field
+             * @description field of the clouds that holds the times
+             */
             field: string;
-            /** First After Header S */
+            /**
+             * First After Header S
+             * @description time of a scan's first point minus that of its header
+             */
             first_after_header_s: number;
-            /** Last After Header S */
+            /**
+             * Last After Header S
+             * @description time of a scan's last point minus that of its header
+             */
             last_after_header_s: number;
-            /** Reference */
+            /**
+             * Reference
+             * @description what the times count from: header-first and header-last: the header, which is the first or the last point's time; absolute: the clock's own epoch
+             */
             reference: string;
-            /** Unit */
+            /**
+             * Unit
+             * @description unit of the field: s, ms, us or ns
+             */
             unit: string;
         };
         /**
@@ -2810,12 +3322,19 @@ export interface components {
         Prior: {
             /**
              * Axis
+             * @description which of the seven, as named in the result's covariance_order
              * @enum {string}
              */
             axis: "rx" | "ry" | "rz" | "tx" | "ty" | "tz" | "dt";
-            /** Std */
+            /**
+             * Std
+             * @description standard deviation, in the unit of value
+             */
             std: number;
-            /** Value */
+            /**
+             * Value
+             * @description mean: of rx ry rz a turn [rad] from the initial guess's rotation, of tx ty tz the translation itself [m], of dt the time offset itself [s]
+             */
             value: number;
         };
         /** Provenance */
@@ -2839,11 +3358,11 @@ export interface components {
         };
         /** Quality */
         Quality: {
-            /** @description of the accumulated room, knowing no planes; absent where it was not measured */
+            /** @description of the room laid together without knowledge of planes; absent where it was not measured */
             crispness?: components["schemas"]["Crispness"] | null;
             /**
              * Duration S
-             * @description that the solve took
+             * @description how long the solve took
              */
             duration_s: number;
             /**
@@ -2853,27 +3372,27 @@ export interface components {
             iterations: number;
             /**
              * Planes
-             * @description those that the answer is by
+             * @description the planes that the answer rests on
              */
             planes: components["schemas"]["PlaneQuality"][];
             /**
              * Point To Plane Rms M
-             * @description of the distances of all points used, as of each plane's
+             * @description weighted root mean square distance of all points used from their planes, as in each plane's rms_m
              */
             point_to_plane_rms_m: number;
             /**
              * Points Used
-             * @description points that lie on planes and count
+             * @description points on planes that the solve used
              */
             points_used: number;
             /**
              * Scans Total
-             * @description scans of the recording
+             * @description scans in the recording
              */
             scans_total: number;
             /**
              * Scans Used
-             * @description scans that count
+             * @description scans that the solve used
              */
             scans_used: number;
         };
@@ -2925,19 +3444,40 @@ export interface components {
          * @description Distances of valid points over the examined scans, and how many points are no return.
          */
         RangeReport: {
-            /** Maximum M */
+            /**
+             * Maximum M
+             * @description greatest distance from the lidar
+             */
             maximum_m: number;
-            /** Median M */
+            /**
+             * Median M
+             * @description half of the points are nearer
+             */
             median_m: number;
-            /** Minimum M */
+            /**
+             * Minimum M
+             * @description least distance from the lidar
+             */
             minimum_m: number;
-            /** No Return Share */
+            /**
+             * No Return Share
+             * @description share of the points sent that are no return, 0..1
+             */
             no_return_share: number;
-            /** P05 M */
+            /**
+             * P05 M
+             * @description 5 % of the points are nearer
+             */
             p05_m: number;
-            /** P95 M */
+            /**
+             * P95 M
+             * @description 95 % of the points are nearer
+             */
             p95_m: number;
-            /** Points Per Scan */
+            /**
+             * Points Per Scan
+             * @description median number of valid points in a scan
+             */
             points_per_scan: number;
         };
         /**
@@ -2945,28 +3485,52 @@ export interface components {
          * @description How the recording is read. None means: detect, and say what was detected with its evidence.
          */
         ReadSettings: {
-            /** Accelerometer Unit */
+            /**
+             * Accelerometer Unit
+             * @description unit of the accelerometer's readings; null: detect it
+             */
             accelerometer_unit?: ("m_s2" | "g") | null;
-            /** End S */
+            /**
+             * End S
+             * @description what was received later is left out; seconds after the recording's start; null: to its end
+             */
             end_s?: number | null;
-            /** Gyroscope Unit */
+            /**
+             * Gyroscope Unit
+             * @description unit of the gyroscope's readings; null: detect it
+             */
             gyroscope_unit?: ("rad_s" | "deg_s") | null;
             /**
              * Imu Bundles
-             * @description IMU readings that a driver stamped together or sent again: spread and taken once, or as they came
+             * @description spread: readings that a driver stamped together are spread over time, and readings sent twice count once; as-stamped: all readings as they came
              * @default spread
              * @enum {string}
              */
             imu_bundles: "spread" | "as-stamped";
-            /** Imu Topic */
+            /**
+             * Imu Topic
+             * @description topic of the IMU; null: the only one that fits
+             */
             imu_topic?: string | null;
-            /** Lidar Topic */
+            /**
+             * Lidar Topic
+             * @description topic of the clouds; null: the only one that fits
+             */
             lidar_topic?: string | null;
-            /** Point Time Field */
+            /**
+             * Point Time Field
+             * @description field of the clouds with each point's time; null: detect it
+             */
             point_time_field?: string | null;
-            /** Point Time Reference */
+            /**
+             * Point Time Reference
+             * @description what the point times count from: the header, which is the first or the last point's time, or the clock's own epoch; null: detect it
+             */
             point_time_reference?: ("header-first" | "header-last" | "absolute") | null;
-            /** Point Time Unit */
+            /**
+             * Point Time Unit
+             * @description unit of that field; null: detect it
+             */
             point_time_unit?: ("s" | "ms" | "us" | "ns") | null;
             /**
              * Points At Once
@@ -2976,34 +3540,38 @@ export interface components {
             points_at_once: boolean;
             /**
              * Range Max M
+             * @description points farther from the lidar are left out
              * @default 200
              */
             range_max_m: number;
             /**
              * Range Min M
+             * @description points nearer to the lidar are left out
              * @default 0.3
              */
             range_min_m: number;
             /**
              * Repeated Returns
-             * @description returns that stand in a cloud twice, as of a lidar in dual mode: counted once, or as they came
+             * @description once: a return that is in a cloud twice, as from a lidar in dual mode, counts once; as-sent: all points as they came
              * @default once
              * @enum {string}
              */
             repeated_returns: "once" | "as-sent";
             /**
              * Stamps
+             * @description which stamps count: those in the messages' headers, or the times at which the messages were received
              * @default header
              * @enum {string}
              */
             stamps: "header" | "receive";
             /**
              * Start S
-             * @description seconds after the recording's start
+             * @description what was received earlier is left out; seconds after the recording's start; null: from its start
              */
             start_s?: number | null;
             /**
              * Synthesise Point Time
+             * @description make up the times of clouds that have none, from the azimuth or the order of their points; less accurate
              * @default false
              */
             synthesise_point_time: boolean;
@@ -3016,22 +3584,25 @@ export interface components {
             /**
              * Created At
              * Format: date-time
+             * @description when it came to the server
              */
             created_at: string;
             /** @description why `state` is failed */
             error?: components["schemas"]["ErrorFacts"] | null;
             /**
              * Has Planes
-             * @description whether planes have been proposed for it as it is read now
+             * @description whether planes have been proposed for it with its present read settings
              */
             has_planes: boolean;
             /**
              * Id
+             * @description of the recording
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             id: string;
-            /** @description the newest solve that was not refused, whatever was tried since; None where there is none */
+            /** @description the newest solve that was not refused, whatever was tried since; null where there is none */
             latest_answer?: components["schemas"]["Job"] | null;
+            /** @description the job asked for last; null: none */
             latest_job?: components["schemas"]["Job"] | null;
             /**
              * Name
@@ -3047,16 +3618,18 @@ export interface components {
             note: string;
             /**
              * Origin
+             * @description where it came from
              * @enum {string}
              */
             origin: "upload" | "folder" | "sample";
+            /** @description how it is read; null in them: detected */
             read_settings: components["schemas"]["ReadSettings"];
             /**
              * Received Bytes
              * @description how much of an upload has arrived; equals size_bytes afterwards
              */
             received_bytes: number;
-            /** @description the doctor's report; None until inspected */
+            /** @description the doctor's report; null until inspected */
             report?: components["schemas"]["DoctorReport"] | null;
             /**
              * Size Bytes
@@ -3065,12 +3638,13 @@ export interface components {
             size_bytes: number;
             /**
              * State
+             * @description receiving: its upload or simulation is under way; inspecting: it is being inspected; failed: see `error`
              * @enum {string}
              */
             state: "receiving" | "inspecting" | "ready" | "failed";
             /**
              * Verdict
-             * @description the doctor's, in lists too; None until inspected
+             * @description the report's verdict, present in lists too; null until inspected
              */
             verdict?: ("good" | "limited" | "unusable") | null;
         };
@@ -3081,6 +3655,7 @@ export interface components {
         RecordingChanged: {
             /**
              * Deleted
+             * @description whether the recording is gone
              * @default false
              */
             deleted: boolean;
@@ -3104,7 +3679,7 @@ export interface components {
             imu_frame_id: string;
             /**
              * Imu Rate Hz
-             * @description by the stamps; null where it is not known
+             * @description readings per second, by their stamps; null where it is not known
              */
             imu_rate_hz?: number | null;
             /**
@@ -3146,44 +3721,50 @@ export interface components {
         RecordingUse: {
             /**
              * Arrays Bytes
-             * @description what was read of it, made again when it is wanted
+             * @description points and readings decoded from it; made again when they are needed
              */
             arrays_bytes: number;
             /**
              * Last Used At
              * Format: date-time
-             * @description when it came, or when its latest run was
+             * @description when it came, or when its latest run ended
              */
             last_used_at: string;
-            /** Name */
+            /**
+             * Name
+             * @description what people call it
+             */
             name: string;
             /**
              * Origin
+             * @description where it came from
              * @enum {string}
              */
             origin: "upload" | "folder" | "sample";
             /**
              * Recording Id
+             * @description of the recording
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             recording_id: string;
             /**
              * Removed At
-             * @description when it goes unless it is used; null: it stays
+             * @description when it will be removed unless it is used; null: it stays
              */
             removed_at: string | null;
             /**
              * Results Bytes
-             * @description of all its runs
+             * @description results of all its runs
              */
             results_bytes: number;
             /**
              * Source Bytes
-             * @description the file itself; 0 where it is opened in place
+             * @description the recording itself; 0 where it is opened in place
              */
             source_bytes: number;
             /**
              * State
+             * @description of the recording
              * @enum {string}
              */
             state: "receiving" | "inspecting" | "ready" | "failed";
@@ -3195,7 +3776,7 @@ export interface components {
         Redo: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -3211,7 +3792,7 @@ export interface components {
         Rename: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -3221,6 +3802,7 @@ export interface components {
             index: number;
             /**
              * Name
+             * @description the new name
              * @example wall A
              */
             name: string;
@@ -3235,18 +3817,25 @@ export interface components {
          * @description A stretch of time, seconds from the recording's start.
          */
         ReportSpan: {
-            /** End S */
+            /**
+             * End S
+             * @description its end
+             */
             end_s: number;
-            /** Start S */
+            /**
+             * Start S
+             * @description its beginning
+             */
             start_s: number;
         };
         /**
          * Timeline
-         * @description Arrays for plots, about 10 Hz, all of one length; means over each step. scan_t_s has one entry per scan.
+         * @description Arrays for plots, means over steps of 0.1 s or longer. All have one length, except scan_t_s.
          */
         ReportTimeline: {
             /**
              * Acceleration M S2
+             * @description mean of the accelerometer's readings along the IMU's axes x, y, z, gravity included; three arrays
              * @default [
              *       [],
              *       [],
@@ -3260,6 +3849,7 @@ export interface components {
             ];
             /**
              * Rotation Deg S
+             * @description mean rate of rotation about the IMU's axes x, y, z; three arrays
              * @default [
              *       [],
              *       [],
@@ -3273,16 +3863,19 @@ export interface components {
             ];
             /**
              * Rotation Norm Deg S
+             * @description mean of the rate's magnitude
              * @default []
              */
             rotation_norm_deg_s: number[];
             /**
              * Scan T S
+             * @description when scans were received, seconds from the recording's start; some are left out of a very long recording
              * @default []
              */
             scan_t_s: number[];
             /**
              * T S
+             * @description middle of each step, seconds from the recording's start
              * @default []
              */
             t_s: number[];
@@ -3299,12 +3892,12 @@ export interface components {
         Restrict: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
              * Index
-             * @description the patch to restrict; None: all, and what grows later
+             * @description the patch to restrict; null: all, and what is grown later
              */
             index?: number | null;
             /**
@@ -3314,6 +3907,7 @@ export interface components {
             op: "restrict";
             /**
              * Sides
+             * @description the half-spaces whose intersection is kept
              * @example [
              *       {
              *         "normal": [
@@ -3345,7 +3939,7 @@ export interface components {
         RoomCrispness: {
             /**
              * Cubes
-             * @description that they lie in
+             * @description cubes that these points lie in
              */
             cubes: number;
             /**
@@ -3355,7 +3949,7 @@ export interface components {
             mean_entropy_nat: number;
             /**
              * Points
-             * @description that were looked at
+             * @description points that were looked at
              */
             points: number;
             /**
@@ -3369,9 +3963,11 @@ export interface components {
          * @description One solve of the recording. `from_latest` is None for the latest itself and where either has no answer.
          */
         Run: {
-            /** @description why its result cannot be read: it lies damaged on the disk */
+            /** @description why its result cannot be read: the file on the disk is damaged */
             error?: components["schemas"]["ErrorFacts"] | null;
+            /** @description how far the latest answer is from this one */
             from_latest?: components["schemas"]["AnswerDifference"] | null;
+            /** @description the solve */
             job: components["schemas"]["Job"];
         };
         /**
@@ -3381,10 +3977,14 @@ export interface components {
         Runs: {
             /**
              * Recording Id
+             * @description the recording that was solved
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             recording_id: string;
-            /** Runs */
+            /**
+             * Runs
+             * @description newest first
+             */
             runs: components["schemas"]["Run"][];
         };
         /**
@@ -3394,12 +3994,19 @@ export interface components {
         Sample: {
             /**
              * Scenario
+             * @description its name, to be given as `sample`
              * @example paper-normal
              */
             scenario: string;
-            /** Text */
+            /**
+             * Text
+             * @description what it shows, for a person
+             */
             text: string;
-            /** Title */
+            /**
+             * Title
+             * @description its name for a person
+             */
             title: string;
         };
         /**
@@ -3407,13 +4014,25 @@ export interface components {
          * @description Largest readings, and the share of readings that sit at the same extreme value.
          */
         SaturationReport: {
-            /** Accelerometer Clipped Share */
+            /**
+             * Accelerometer Clipped Share
+             * @description share of its readings that are at the end of its range, 0..1
+             */
             accelerometer_clipped_share: number;
-            /** Accelerometer Max M S2 */
+            /**
+             * Accelerometer Max M S2
+             * @description largest reading of any axis, without its sign
+             */
             accelerometer_max_m_s2: number;
-            /** Gyroscope Clipped Share */
+            /**
+             * Gyroscope Clipped Share
+             * @description share of its readings that are at the end of its range, 0..1
+             */
             gyroscope_clipped_share: number;
-            /** Gyroscope Max Rad S */
+            /**
+             * Gyroscope Max Rad S
+             * @description largest reading of any axis, without its sign
+             */
             gyroscope_max_rad_s: number;
         };
         /**
@@ -3423,22 +4042,22 @@ export interface components {
         ScanQuality: {
             /**
              * Points Each
-             * @description points looked at of each scan, at most
+             * @description the most points looked at in each scan
              */
             points_each: number;
             /**
              * Rms M
-             * @description spread about the nearest planes of the points within 0.3 m of one
+             * @description root mean square distance of its points from their nearest planes; points farther than 0.3 m from any plane are left out
              */
             rms_m: (number | null)[];
             /**
              * Share
-             * @description points near enough to a plane to be coloured by it in the scene, 0..1
+             * @description share of its points that are near enough to a plane to have its colour in the scene, 0..1
              */
             share: (number | null)[];
             /**
              * T S
-             * @description of each scan's first point, after the first scan's
+             * @description time of each scan's first point, after the first scan's
              */
             t_s: number[];
         };
@@ -3449,40 +4068,56 @@ export interface components {
         ServerFacts: {
             /**
              * Axis Names
-             * @description by the axis's name in the covariance's order
+             * @description names of the seven axes for a person, by their names in the result's covariance_order
              */
             axis_names: {
                 [key: string]: string;
             };
-            /** Export Formats */
+            /**
+             * Export Formats
+             * @description names for GET /api/results/{job_id}/export/{format_name}
+             */
             export_formats: string[];
             /**
              * Imu Presets
-             * @description IMUs whose noise is known by name
+             * @description names of the IMUs whose noise and priors are known
              */
             imu_presets: string[];
             /**
              * Lidar Presets
-             * @description lidars of whose lasers it is known what to expect
+             * @description names of the lidars whose priors are known
              */
             lidar_presets: string[];
-            /** @description beyond which standard deviation an axis is weak */
+            /** @description standard deviations beyond which an axis is weak */
             limits: components["schemas"]["WeakLimits"];
-            /** Max Upload Bytes */
+            /**
+             * Max Upload Bytes
+             * @description the largest upload that is accepted
+             */
             max_upload_bytes: number;
             /**
              * Recordings Folder
              * @description whether the server offers a folder of its own recordings
              */
             recordings_folder: boolean;
-            /** Samples */
+            /**
+             * Samples
+             * @description recordings that the server can simulate
+             */
             samples: components["schemas"]["Sample"][];
-            /** @description of a solve that is told nothing */
+            /** @description settings of a solve where nothing else is said */
             solve_settings: components["schemas"]["CalibrateSettings"];
-            /** Upload Suffixes */
+            /**
+             * Upload Suffixes
+             * @description endings that the name of an upload may have
+             */
             upload_suffixes: string[];
+            /** @description numbers of the server's own */
             usual: components["schemas"]["UsualNumbers"];
-            /** Version */
+            /**
+             * Version
+             * @description of unsweep
+             */
             version: string;
         };
         /**
@@ -3492,12 +4127,13 @@ export interface components {
         ShareLink: {
             /**
              * Path
-             * @description to be put behind the server's address
+             * @description to be appended to the server's address
              */
             path: string;
             /**
              * Until
              * Format: date-time
+             * @description when the link ends
              */
             until: string;
         };
@@ -3527,9 +4163,15 @@ export interface components {
          * @description A half-space, map frame: it keeps the points with n . x + offset_m >= 0.
          */
         Side: {
-            /** Normal */
+            /**
+             * Normal
+             * @description unit length, map frame, into the half that is kept
+             */
             normal: number[];
-            /** Offset M */
+            /**
+             * Offset M
+             * @description n . x + offset_m = 0 on the boundary
+             */
             offset_m: number;
         };
         /**
@@ -3542,7 +4184,10 @@ export interface components {
              * @enum {string}
              */
             kind: "simulate";
-            /** Size Bytes */
+            /**
+             * Size Bytes
+             * @description of the sample
+             */
             size_bytes: number;
         };
         /**
@@ -3552,10 +4197,13 @@ export interface components {
         SolveOutcome: {
             /**
              * Codes
-             * @description of the result's warnings and errors
+             * @description codes of the result's warnings and errors
              */
             codes?: string[];
-            /** Euler Xyz Deg */
+            /**
+             * Euler Xyz Deg
+             * @description roll, pitch, yaw of T_imu_lidar
+             */
             euler_xyz_deg: number[] | null;
             /**
              * @description discriminator enum property added by openapi-typescript
@@ -3564,36 +4212,55 @@ export interface components {
             kind: "solve";
             /**
              * Planes Used
-             * @description planes that the answer rests on; None of older runs
+             * @description planes that the answer rests on; null for older runs
              */
             planes_used?: number | null;
-            /** Point To Plane Rms M */
+            /**
+             * Point To Plane Rms M
+             * @description root mean square distance of the points used from their planes
+             */
             point_to_plane_rms_m: number | null;
-            /** Rotation Std Deg */
+            /**
+             * Rotation Std Deg
+             * @description standard deviations about the lidar's axes x, y, z
+             */
             rotation_std_deg: number[] | null;
             /**
              * Status
+             * @description as in the result
              * @enum {string}
              */
             status: "calibrated" | "weak" | "refused";
             /**
              * Stretches
-             * @description how many bars of stretches' own answers cross zero, and whether noise explains it
+             * @description of the answers that stretches of time give by themselves: how many error bars cross zero, and whether noise explains the number; for a person
              * @default
              */
             stretches: string;
-            /** Time Offset S */
+            /**
+             * Time Offset S
+             * @description to ADD to an IMU stamp to express it in the lidar clock
+             */
             time_offset_s: number | null;
-            /** Time Offset Std S */
+            /**
+             * Time Offset Std S
+             * @description standard deviation of time_offset_s
+             */
             time_offset_std_s: number | null;
             /**
              * Tone
-             * @description the verdict's colour; None of runs of an older version
+             * @description the verdict's colour; null for runs of an older version
              */
             tone?: ("good" | "doubtful" | "bad") | null;
-            /** Translation M */
+            /**
+             * Translation M
+             * @description of T_imu_lidar: the lidar's origin seen from the IMU, along the IMU's axes
+             */
             translation_m: number[] | null;
-            /** Translation Std M */
+            /**
+             * Translation Std M
+             * @description standard deviations along the IMU's axes x, y, z
+             */
             translation_std_m: number[] | null;
             /**
              * Verdict
@@ -3606,14 +4273,20 @@ export interface components {
          * @description A time span, seconds after the recording's start.
          */
         Span: {
-            /** End S */
+            /**
+             * End S
+             * @description its end
+             */
             end_s: number;
-            /** Start S */
+            /**
+             * Start S
+             * @description its beginning
+             */
             start_s: number;
         };
         /**
          * StageEvent
-         * @description Progress within a stage. `fraction` is of this stage, 0..1.   kept: nothing had to be done, as an earlier run had.
+         * @description Progress within a stage.
          */
         StageEvent: {
             /**
@@ -3621,44 +4294,74 @@ export interface components {
              * @enum {string}
              */
             event: "stage";
-            /** Fraction */
+            /**
+             * Fraction
+             * @description how much of this stage is done, 0..1
+             */
             fraction: number;
             /**
              * Kept
+             * @description nothing had to be done: an earlier run's work is used
              * @default false
              */
             kept: boolean;
             /**
              * Stage
+             * @description what the job is doing
              * @enum {string}
              */
             stage: "read" | "inspect" | "planes" | "track" | "initialise" | "associate" | "solve" | "observability" | "deskew" | "write";
             /**
              * Text
+             * @description details, for a person; empty: none
              * @default
              */
             text: string;
         };
         /**
          * StampReport
-         * @description Regularity of one topic's stamps. dropped: messages that the rate says are missing.
+         * @description How regular one topic's stamps are.
          */
         StampReport: {
-            /** Dropped */
+            /**
+             * Dropped
+             * @description messages that are missing, judged by the rate
+             */
             dropped: number;
-            /** Duplicates */
+            /**
+             * Duplicates
+             * @description stamps equal to another one
+             */
             duplicates: number;
-            /** Gaps */
+            /**
+             * Gaps
+             * @description steps longer than 3.5 periods
+             */
             gaps: number;
-            /** Jitter S */
+            /**
+             * Jitter S
+             * @description standard deviation of the stamps about an even row
+             */
             jitter_s: number;
-            /** Longest Gap S */
+            /**
+             * Longest Gap S
+             * @description the longest of these steps; 0: there is none
+             */
             longest_gap_s: number;
-            /** Period S */
+            /**
+             * Period S
+             * @description usual step between two stamps
+             */
             period_s: number;
-            /** Rate Hz */
+            /**
+             * Rate Hz
+             * @description messages per second where none is missing
+             */
             rate_hz: number;
-            /** Rewinds */
+            /**
+             * Rewinds
+             * @description times that a stamp is earlier than the one received before it
+             */
             rewinds: number;
         };
         /**
@@ -3666,18 +4369,24 @@ export interface components {
          * @description The data directory's disk, and who takes what of it; the largest comes first.
          */
         StorageUse: {
-            /** Disk Free Bytes */
+            /**
+             * Disk Free Bytes
+             * @description free on the disk
+             */
             disk_free_bytes: number;
-            /** Disk Total Bytes */
+            /**
+             * Disk Total Bytes
+             * @description size of the disk
+             */
             disk_total_bytes: number;
             /**
              * Keep Days
-             * @description a recording that nobody used for so long is removed; null: never
+             * @description a recording that nobody used for so many days is removed; null: never
              */
             keep_days: number | null;
             /**
              * Kept Free Bytes
-             * @description stays free: an upload that would take of it is refused
+             * @description kept free on the disk: an upload that would need this space is refused
              */
             kept_free_bytes: number;
             /**
@@ -3685,11 +4394,14 @@ export interface components {
              * @description the most that the data directory may take; null: what the disk has
              */
             quota_bytes: number | null;
-            /** Recordings */
+            /**
+             * Recordings
+             * @description the largest first
+             */
             recordings: components["schemas"]["RecordingUse"][];
             /**
              * Used Bytes
-             * @description of the whole data directory
+             * @description what the whole data directory takes
              */
             used_bytes: number;
         };
@@ -3703,7 +4415,10 @@ export interface components {
              * @enum {string}
              */
             kind: "surface";
-            /** Triangles */
+            /**
+             * Triangles
+             * @description triangles of the surface
+             */
             triangles: number;
         };
         /**
@@ -3713,34 +4428,49 @@ export interface components {
         SweepMotion: {
             /**
              * Offset S
-             * @description instants after the first point
+             * @description the instants, after the first point
              */
             offset_s: number[];
-            /** Position M */
+            /**
+             * Position M
+             * @description x, y, z of the lidar's origin at each instant
+             */
             position_m: number[][];
-            /** Quaternion Xyzw */
+            /**
+             * Quaternion Xyzw
+             * @description the lidar's rotation at each instant, x, y, z, w: takes lidar axes to those of that frame
+             */
             quaternion_xyzw: number[][];
             /**
              * Stamp Ns
-             * @description of the sweep's first point
+             * @description time of the sweep's first point, lidar clock
              */
             stamp_ns: number;
         };
         /**
          * Thickness
-         * @description Wall thickness per plane. Histograms count signed distances between consecutive `edges_m`.
+         * @description Wall thickness per plane. Histograms count signed distances from the plane between consecutive `edges_m`.
          */
         Thickness: {
-            /** After Rms M */
+            /**
+             * After Rms M
+             * @description over all walls, de-skewed
+             */
             after_rms_m: number;
             /**
              * Before Rms M
-             * @description over all walls
+             * @description over all walls, sweep as rigid
              */
             before_rms_m: number;
-            /** Edges M */
+            /**
+             * Edges M
+             * @description edges of the bins: signed distance from the plane; one more than there are bins
+             */
             edges_m: number[];
-            /** Walls */
+            /**
+             * Walls
+             * @description each plane of the result
+             */
             walls: components["schemas"]["WallThickness"][];
         };
         /** TimeBlock */
@@ -3757,12 +4487,12 @@ export interface components {
             rotation_std_deg: number[];
             /**
              * T End S
-             * @description the same, of its end
+             * @description its end, in the same time
              */
             t_end_s: number;
             /**
              * T Start S
-             * @description lidar time, seconds from the recording's start
+             * @description its beginning: lidar time, seconds from the recording's start
              */
             t_start_s: number;
             /**
@@ -3788,32 +4518,68 @@ export interface components {
         };
         /**
          * Timeline
-         * @description What the strip below a recording shows. All arrays of readings have one length; times after the start.
+         * @description What the strip below a recording shows. Arrays of readings have one length; times are after the recording's start.
          */
         Timeline: {
-            /** Accel X M S2 */
+            /**
+             * Accel X M S2
+             * @description accelerometer's reading along the IMU's x axis, gravity included
+             */
             accel_x_m_s2: number[];
-            /** Accel Y M S2 */
+            /**
+             * Accel Y M S2
+             * @description accelerometer's reading along the IMU's y axis, gravity included
+             */
             accel_y_m_s2: number[];
-            /** Accel Z M S2 */
+            /**
+             * Accel Z M S2
+             * @description accelerometer's reading along the IMU's z axis, gravity included
+             */
             accel_z_m_s2: number[];
-            /** Duration S */
+            /**
+             * Duration S
+             * @description time of the last reading or scan, whichever is later
+             */
             duration_s: number;
-            /** Gyro Norm Deg S */
+            /**
+             * Gyro Norm Deg S
+             * @description magnitude of the rate of rotation
+             */
             gyro_norm_deg_s: number[];
-            /** Gyro X Deg S */
+            /**
+             * Gyro X Deg S
+             * @description rate of rotation about the IMU's x axis
+             */
             gyro_x_deg_s: number[];
-            /** Gyro Y Deg S */
+            /**
+             * Gyro Y Deg S
+             * @description rate of rotation about the IMU's y axis
+             */
             gyro_y_deg_s: number[];
-            /** Gyro Z Deg S */
+            /**
+             * Gyro Z Deg S
+             * @description rate of rotation about the IMU's z axis
+             */
             gyro_z_deg_s: number[];
-            /** Scan Points */
+            /**
+             * Scan Points
+             * @description valid points of each scan
+             */
             scan_points: number[];
-            /** Scan T S */
+            /**
+             * Scan T S
+             * @description time of each scan's first point
+             */
             scan_t_s: number[];
-            /** Still Spans */
+            /**
+             * Still Spans
+             * @description where neither sensor varies for a second or longer
+             */
             still_spans: components["schemas"]["Span"][];
-            /** T S */
+            /**
+             * T S
+             * @description time of each reading
+             */
             t_s: number[];
         };
         /**
@@ -3823,7 +4589,7 @@ export interface components {
         Toggle: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -3839,24 +4605,34 @@ export interface components {
         };
         /**
          * TopicReport
-         * @description One topic. role: what it could serve as here; "packets" for raw packets, decoded or not.
-         *
-         *     rate_hz: by the stamps of the lidar and the IMU that are calibrated, 0 until they are read; of others by
-         *     their number, or where they could be calibrated by when they were received.
+         * @description One topic of the recording.
          */
         TopicReport: {
-            /** Messages */
+            /**
+             * Messages
+             * @description how many messages it has
+             */
             messages: number;
-            /** Name */
+            /**
+             * Name
+             * @description of the topic
+             */
             name: string;
-            /** Rate Hz */
+            /**
+             * Rate Hz
+             * @description messages per second: by their stamps where lidar and IMU were read, 0 until then; by their receive times or their number on other topics
+             */
             rate_hz: number;
             /**
              * Role
+             * @description what it could serve as; packets: a lidar's raw packets, whether or not they can be decoded
              * @enum {string}
              */
             role: "lidar" | "imu" | "packets" | "other";
-            /** Type */
+            /**
+             * Type
+             * @description message type, such as sensor_msgs/msg/Imu
+             */
             type: string;
         };
         /** Transform */
@@ -3922,7 +4698,7 @@ export interface components {
         UnderPointer: {
             /**
              * Text
-             * @description plane, tilt, laser, range: one short sentence; '' where there is nothing
+             * @description plane, tilt, laser and range in one short sentence; empty where there is nothing
              */
             text: string;
         };
@@ -3933,7 +4709,7 @@ export interface components {
         Undo: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -3947,15 +4723,20 @@ export interface components {
          * @description Which recording an upload becomes.
          */
         UploadTarget: {
-            /** Received Bytes */
+            /**
+             * Received Bytes
+             * @description how much of the upload has arrived
+             */
             received_bytes: number;
             /**
              * Recording Id
+             * @description of the recording
              * @example 5f0c6c9be0b24d9f8c1be9ad0a2f1f0e
              */
             recording_id: string;
             /**
              * State
+             * @description of the recording
              * @enum {string}
              */
             state: "receiving" | "inspecting" | "ready" | "failed";
@@ -3967,7 +4748,7 @@ export interface components {
         UseSuggestion: {
             /**
              * Expected Revision
-             * @description refuse with 409 if the planes have changed since; None: apply to whatever is there
+             * @description refuse with 409 if the planes have changed since; null: apply to whatever is there
              */
             expected_revision?: number | null;
             /**
@@ -3981,43 +4762,49 @@ export interface components {
          * @description Numbers of the server's own that a page fills in, offers by, or keeps to: it has none of them itself.
          */
         UsualNumbers: {
-            /** Largest Points */
+            /**
+             * Largest Points
+             * @description largest View.point_scale
+             */
             largest_points: number;
             /**
              * Latitude Gravity Std M S2
-             * @description of gravity, where the latitude is known
+             * @description standard deviation of gravity's magnitude where the latitude is known
              */
             latitude_gravity_std_m_s2: number;
             /**
              * Max Rounds
-             * @description of a solve, where nothing else is said
+             * @description CalibrateSettings.max_rounds where nothing else is said
              */
             max_rounds: number;
             /**
              * Merge Within Deg
-             * @description planes that are offered to be one face the same way within this
+             * @description a page offers to merge planes whose directions differ by no more than this
              */
             merge_within_deg: number;
             /**
              * Merge Within M
-             * @description and are as near
+             * @description and whose places differ by no more than this
              */
             merge_within_m: number;
-            /** Paper Field Of View Deg */
+            /**
+             * Paper Field Of View Deg
+             * @description field_of_view_deg of the published method where nothing else is said
+             */
             paper_field_of_view_deg: number;
             /**
              * Paper Points Per Plane Per Scan
-             * @description of the published method, where nothing else is said
+             * @description points_per_plane_per_scan of the published method where nothing else is said
              */
             paper_points_per_plane_per_scan: number;
             /**
              * Shortest Span S
-             * @description of a recording, that is worth choosing
+             * @description shortest part of a recording that is worth choosing
              */
             shortest_span_s: number;
             /**
              * Smallest Points
-             * @description size of the scene's points over what their spacing asks for
+             * @description smallest View.point_scale
              */
             smallest_points: number;
         };
@@ -4033,7 +4820,7 @@ export interface components {
              * @enum {string}
              */
             against: "raw" | "old";
-            /** @description the cost of being wrong; only with a nudge */
+            /** @description what the nudge costs; null without a nudge */
             blur?: components["schemas"]["WallBlur"] | null;
             /**
              * Click
@@ -4044,12 +4831,14 @@ export interface components {
             click: "toggle" | "grow" | "restrict";
             /**
              * Color By
+             * @description what the points' colours mean: their plane, their time in the sweep, their distance from the plane, or the lidar's intensity
              * @default plane
              * @enum {string}
              */
             color_by: "plane" | "time" | "residual" | "intensity";
             /**
              * Dark
+             * @description colours for a dark page
              * @default false
              */
             dark: boolean;
@@ -4062,7 +4851,7 @@ export interface components {
             extent: "scan" | "map" | "surface";
             /**
              * Job Id
-             * @description whose result; None: the latest that has one
+             * @description the job whose result is shown; null: the latest that has one
              */
             job_id?: string | null;
             /**
@@ -4072,38 +4861,44 @@ export interface components {
             legend: string;
             /**
              * Looks
-             * @description raise it to have cameras go to their preset again
+             * @description raise it to send the cameras to their preset again
              * @default 0
              */
             looks: number;
             /**
              * Mode
+             * @description which page's scene is shown: the planes, the solve under way, or the result
              * @default planes
              * @enum {string}
              */
             mode: "planes" | "solve" | "inspect";
             /**
              * N Scans
-             * @description 0 until the recording has been read
+             * @description scans of the recording; 0 until it has been read
              */
             n_scans: number;
             /**
              * Note
-             * @description why the scene is empty or shows something else than asked; '' if not
+             * @description why the scene is empty or shows something else than asked; empty: it does not
              * @default
              */
             note: string;
+            /** @description a deliberate error of the answer; null: none */
             nudge?: components["schemas"]["Nudge"] | null;
+            /** @description an extrinsic to compare the answer with; null: none */
             old?: components["schemas"]["OldExtrinsic"] | null;
-            /** @description the same of the old extrinsic, where one is given */
+            /** @description what the old extrinsic costs; null without one */
             old_blur?: components["schemas"]["WallBlur"] | null;
             /**
              * Point Scale
-             * @description size of the points over what their spacing asks for
+             * @description size of the points, as a multiple of the size that fits their spacing
              * @default 1
              */
             point_scale: number;
-            /** Points Shown */
+            /**
+             * Points Shown
+             * @description points that the scene draws
+             */
             points_shown: number;
             /**
              * Preset
@@ -4123,7 +4918,10 @@ export interface components {
              * @description the shown scan's time after the first scan
              */
             scan_t_s: number | null;
-            /** Scene Url */
+            /**
+             * Scene Url
+             * @description address of the scene on this server
+             */
             scene_url: string;
             /**
              * Show
@@ -4134,18 +4932,18 @@ export interface components {
             show: "raw" | "deskewed" | "old" | "both" | "side" | "wipe";
             /**
              * Straight
-             * @description how much of the motion is taken out of a solve's sweeps; 0: as they came
+             * @description share of the motion that is taken out of a solve's sweeps; 0: as they came, 1: all
              * @default 1
              */
             straight: number;
             /**
              * Target
-             * @description the patch that the next box restricts; None: all
+             * @description index of the patch that the next box restricts; null: all
              */
             target?: number | null;
             /**
              * Wipe
-             * @description where the line of `wipe` is, share of the canvas's width
+             * @description where the line of `wipe` is, as a share of the canvas's width from the left
              * @default 0.5
              */
             wipe: number;
@@ -4160,6 +4958,7 @@ export interface components {
              * @enum {string}
              */
             event: "view-changed";
+            /** @description what is shown now */
             view: components["schemas"]["View"];
         };
         /**
@@ -4167,9 +4966,15 @@ export interface components {
          * @description Root mean square distance of the walls' points to their planes: as measured of the answer, and with it made wrong.
          */
         WallBlur: {
-            /** Nudged Rms M */
+            /**
+             * Nudged Rms M
+             * @description with the answer made wrong
+             */
             nudged_rms_m: number;
-            /** Solved Rms M */
+            /**
+             * Solved Rms M
+             * @description with the answer
+             */
             solved_rms_m: number;
         };
         /**
@@ -4177,24 +4982,42 @@ export interface components {
          * @description Spread of one plane's points about it. The same points before (sweep as rigid) and after (de-skewed).
          */
         WallThickness: {
-            /** After Histogram */
+            /**
+             * After Histogram
+             * @description points in each bin, de-skewed
+             */
             after_histogram: number[];
-            /** After Rms M */
+            /**
+             * After Rms M
+             * @description the same, de-skewed
+             */
             after_rms_m: number;
-            /** Before Histogram */
+            /**
+             * Before Histogram
+             * @description points in each bin, sweep as rigid
+             */
             before_histogram: number[];
-            /** Before Rms M */
+            /**
+             * Before Rms M
+             * @description root mean square distance from the plane, sweep as rigid
+             */
             before_rms_m: number;
-            /** Name */
+            /**
+             * Name
+             * @description of the plane
+             */
             name: string;
-            /** Points */
+            /**
+             * Points
+             * @description points counted
+             */
             points: number;
         };
         /** WeakDirection */
         WeakDirection: {
             /**
              * Label
-             * @description the axis that it is all but along; null of a mixture
+             * @description the axis that this direction lies along; null: a mixture of axes
              */
             label: string | null;
             /**
@@ -4218,11 +5041,20 @@ export interface components {
          * @description One standard deviation of a kind of axis.
          */
         WeakLimits: {
-            /** Rotation Deg */
+            /**
+             * Rotation Deg
+             * @description about each of the lidar's axes
+             */
             rotation_deg: number;
-            /** Time Offset S */
+            /**
+             * Time Offset S
+             * @description of the time offset
+             */
             time_offset_s: number;
-            /** Translation M */
+            /**
+             * Translation M
+             * @description along each of the IMU's axes
+             */
             translation_m: number;
         };
     };

@@ -90,7 +90,7 @@ export function AuditForm({ draft, onChange, limitsFit }: AuditFormProps) {
         <p className={limitsFit ? "dim small" : css.wrong} role={limitsFit ? undefined : "alert"}>
           {limitsFit
             ? "One number for all axes, or three for x y z. What is left empty is not judged."
-            : "Give one number above nought, or three for x y z; at least one of the fields has to be judged."}
+            : "Give one number above zero, or three for x y z, in at least one of the fields."}
         </p>
       </Section>
     </>

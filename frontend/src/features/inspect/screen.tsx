@@ -133,7 +133,7 @@ function Inspection({ run, recording, returns }: Workspace & { run: Run }) {
       </div>
       <Panel
         title="Inspect"
-        lead="A wall seen by a moving lidar is as thick as the motion is unknown."
+        lead="The less accurate the motion is, the thicker a wall looks to a moving lidar."
         footer={
           <Button fullWidth onClick={goOn} rightSection={<Icon name="next" />}>
             See the result

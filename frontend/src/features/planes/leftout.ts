@@ -27,7 +27,7 @@ export function cautionOf(patches: readonly Patch[], remarks: ReadonlyMap<number
   );
   if (culprits.length === 0) return "";
   const names = culprits.map(({ name }) => name).join(", ");
-  return `How well a solve would know the answer is not foreseen: ${names} ${culprits.length === 1 ? "counts" : "count"} though doubtful.`;
+  return `No forecast for this choice: ${names} ${culprits.length === 1 ? "is" : "are"} used though doubtful.`;
 }
 
 /** What seems wrong with a plane before a solve, as a remark on it. */

@@ -52,7 +52,7 @@ export function Forecast({ forecast, planes, said }: ForecastProps) {
   return (
     <section aria-label="Forecast" className={css.forecastCard} data-weak={nothing || forecast.weak.length > 0}>
       <h2>What a solve would know</h2>
-      {nothing && repeated ? <p>Nothing, for the reason above.</p> : !repeated && <p>{sentenceOf(headline)}</p>}
+      {nothing && repeated ? <p>No forecast, for the reason above.</p> : !repeated && <p>{sentenceOf(headline)}</p>}
       {!nothing && planes !== "" && !said.some((sentence) => same(sentence, planes)) && <p className="dim">{planes}</p>}
       {forecast.parameters.length > 0 && (
         <ul className={css.forecast}>

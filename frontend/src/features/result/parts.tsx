@@ -18,7 +18,7 @@ export function PartsSection({ result, crossings }: { result: CalibrationResult;
     <section aria-label="What parts of the recording answer">
       <h2>Stretch by stretch</h2>
       <p className={css.seen}>
-        What each of {blocks.length} stretches would answer alone, less the answer above; bars are one standard
+        What each of {blocks.length} stretches would answer alone, minus the answer above; bars are one standard
         deviation, an arrow a point beyond the plot. Two thirds of the bars or more should cross zero, without a trend
         {crossings && `: ${crossings}`}.
       </p>
@@ -46,7 +46,7 @@ function OffsetProfile({ profile }: { profile: Profile }) {
   return (
     <div>
       <LinePlot
-        label="Likeness of the turning, 0 to 1"
+        label="Match of the rotation rates, 0 to 1"
         x={offsetsOf(profile)}
         lines={[{ label: "likeness", color: "var(--accent)", values: profile.likeness }]}
         xUnit="ms"
@@ -55,8 +55,8 @@ function OffsetProfile({ profile }: { profile: Profile }) {
         height={150}
       />
       <p className={css.seen}>
-        The lidar’s turning against the gyroscope’s, were the clocks so much farther apart than found: one clear peak at
-        zero is good. {profile.text || `The highest is at ${fixed(profile.best_s * 1000, 1)} ms.`}
+        How well the rotation rates of lidar and gyroscope match if the clocks are shifted by so much from the answer:
+        one clear peak at zero is good. {profile.text || `The highest is at ${fixed(profile.best_s * 1000, 1)} ms.`}
       </p>
     </div>
   );

@@ -36,11 +36,11 @@ def test_what_unknown_sensors_cost_is_said_in_one_sentence() -> None:
     exact = calibrate(recording, CalibrateSettings(intrinsics="off")).result
     assert told(exact) == ""
     text = told(auto)
-    assert text.startswith("it is not known which IMU")
+    assert text.startswith("the models of IMU and lidar are not known")
     ratio = groups(auto) / groups(exact)
     assert ratio[0] > 1.5
     said = {name: float(times) for times, name in re.findall(r"([\d.]+) times in (rotation|translation)", text)}
     assert abs(said["rotation"] / ratio[0] - 1.0) < 0.1
     named = calibrate(recording, CalibrateSettings(imu_noise="xsens-mti-3", lidar="vlp-16")).result
-    assert told(named).startswith("the sensors may be off by what their data sheets allow: ")
-    assert "naming" not in told(named)
+    assert told(named).startswith("the sensors may be off by as much as their data sheets allow: ")
+    assert "to narrow" not in told(named)

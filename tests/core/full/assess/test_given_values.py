@@ -55,7 +55,7 @@ def test_a_recording_that_says_nothing_contradicts_nothing(alone_std: float, is_
     recording would move it by that knows 30 mm.
 
     Seen: of a turntable, whose lever arm along its axis is open, 83.7 +- 5 mm, right to the tenth, "contradicts the recording,
-    which alone would have it 3.41e+05 mm away (68 standard deviations)". Mutations: asked all the same; only where nothing at
+    which by itself puts it 3.41e+05 mm away (68 standard deviations)". Mutations: asked all the same; only where nothing at
     all is said.
     """
     given, std = 0.31, 0.005
@@ -82,7 +82,7 @@ def test_a_prior_that_the_recording_contradicts_is_named(noisy: tuple[Recording,
             assert text.startswith(
                 "what was given for the translation along the IMU's x axis contradicts the recording"
             )
-            stated_mm = float(text.split("would have it ")[1].split(" mm")[0])
+            stated_mm = float(text.split("by itself puts it ")[1].split(" mm")[0])
             assert stated_mm == pytest.approx(1e3 * away_m, rel=0.1)
 
 
@@ -111,7 +111,7 @@ def test_what_is_held_and_wrong_is_named(
     assert (result.status, len(told)) == (("calibrated", 0) if away is None else ("weak", 1))
     for text in told:
         assert text.startswith(f"what was given for the {said} contradicts the recording")
-        number, unit = text.split("would have it ")[1].split(" away")[0].split()
+        number, unit = text.split("by itself puts it ")[1].split(" away")[0].split()
         assert unit == away
         assert float(number) == pytest.approx(off_ms if off_ms > 0.0 else 9.81 - 9.4, rel=0.2)
 
@@ -148,7 +148,7 @@ def test_a_turn_is_given_from_a_rotation(noisy: tuple[Recording, Truth]) -> None
     recording, truth = noisy
     turn = CalibrateSettings(priors=(Prior(axis="rz", value=0.0, std=1e-3),))
     for guess in (None, InitialGuess(None, truth.p_imu_lidar, truth.time_offset_ns)):
-        with pytest.raises(SettingsError, match="initial guess with a rotation beside the prior on rz"):
+        with pytest.raises(SettingsError, match="initial guess with a rotation, because the prior on rz"):
             calibrate(recording, turn, initial_guess=guess)
     short = replace(recording, scans=recording.scans[:3])
     for settings, known in (
@@ -192,8 +192,8 @@ def test_planes_are_asked_as_one(wider: float) -> None:
     ("off_m", "status", "level", "said"),
     [
         (0.0, "calibrated", [], ""),
-        (0.001, "calibrated", ["info"], "the calibration is hardly bent by it"),
-        (0.02, "weak", ["warning"], "all else was bent to fit"),
+        (0.001, "calibrated", ["info"], "it hardly changes the calibration"),
+        (0.02, "weak", ["warning"], "everything else was bent to fit"),
     ],
 )
 def test_planes_that_are_held_where_they_are_not(

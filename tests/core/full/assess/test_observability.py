@@ -317,7 +317,7 @@ def test_advice_leaves_out_what_no_motion_tells() -> None:
     lever, sensors = advice(weak, turning, np.eye(3), by_sensors=("rx", "dt"))
     assert lever.about == (5,)
     assert sensors.about == (0, 6)
-    assert sensors.text.startswith("The rotation and time offset are weak only by what the sensors may be off by")
+    assert sensors.text.startswith("The rotation and time offset are weak only because of possible sensor errors")
     assert [said.about for said in advice(weak, turning, np.eye(3))] == [(5,), (0, 1, 2), (6,)]
 
 
@@ -330,7 +330,7 @@ def test_where_most_scans_do_not_count_no_turning_is_advised() -> None:
     (said,) = advice(weak, turning, np.eye(3), (7, 249))
     assert said.about == (0, 5)
     assert "Only 7 of 249 scans count" in said.text
-    assert "three that face different ways" in said.text
+    assert "three planes that face different directions" in said.text
     assert "turn" not in said.text
     assert advice(_assess(_all(GOOD)), turning, np.eye(3), (7, 249)) == []
     for enough in ((125, 250), None):

@@ -33,39 +33,45 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             7e-4,
             True,
             "sensor.grazing",
-            "read short, by 0.70 mm a metre at 45 deg; ranges were corrected for it",
+            "read short, by 0.70 mm per metre at 45 deg; ranges were corrected for it",
         ),
         (
             "grazing",
             -2e-3,
             False,
             "sensor.grazing",
-            "read long, by 2.0 mm a metre at 45 deg; ranges were not corrected",
+            "read long, by 2.0 mm per metre at 45 deg; ranges were not corrected",
         ),
-        ("grazing", 4e-5, True, "sensor.grazing", "read short, by 0.040 mm a metre"),
+        ("grazing", 4e-5, True, "sensor.grazing", "read short, by 0.040 mm per metre"),
         ("laser_elevation", np.radians(0.004), True, "sensor.laser_elevation", "ring 4 points 0.0040 deg above"),
         ("laser_range_offset", -0.009, True, "sensor.laser_range", "ring 4 reads 9 mm short"),
-        ("accelerometer_delay", 2e-3, True, "sensor.delay", "the accelerometer is 2.00 ms behind the gyroscope"),
+        (
+            "accelerometer_delay",
+            2e-3,
+            True,
+            "sensor.delay",
+            "the accelerometer's readings are 2.00 ms behind the gyroscope's",
+        ),
         (
             "accelerometer_quadratic",
             -1.2e-4,
             True,
             "sensor.accelerometer_quadratic",
-            "the accelerometer's x axis is no straight line: 1.2 mg too little at one g; it was taken out",
+            "the accelerometer's x axis is not linear: it reads 1.2 mg too little at one g; it was taken out",
         ),
         (
             "g_sensitivity",
             1.8e-4,
             True,
             "sensor.g_sensitivity",
-            "the gyroscope feels forces, up to 0.101 deg/s a g; it was",
+            "the gyroscope reacts to acceleration, by up to 0.101 deg/s per g; it was",
         ),
         (
             "size_effect",
             0.012,
             True,
             "sensor.size_effect",
-            "up to 12 mm apart; it was taken out. The translation is the one to their middle, which may be 0.58 mm from",
+            "up to 12 mm apart; it was taken out. The translation refers to their middle, which may be 0.58 mm from",
         ),
         # 158 / s2 of motion of 2 Hz: v / 2 of it is 0.38 %; u / 6 of it, of 5e-6 s3, 0.13 ms.
         (
@@ -73,24 +79,24 @@ def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic
             4.8e-5,
             True,
             "sensor.low_pass",
-            "gyroscope reads 0.38% too little of motion of 2 Hz; it was",
+            "gyroscope reads 0.38% too little of 2 Hz motion; it was",
         ),
         (
             "low_pass_skew",
             5e-6,
             True,
             "sensor.low_pass_skew",
-            "reads motion of 2 Hz 0.13 ms too early beside slow motion",
+            "reads 2 Hz motion 0.13 ms too early compared with slow motion",
         ),
         (
             "low_pass_skew",
             -5e-6,
             True,
             "sensor.low_pass_skew",
-            "reads motion of 2 Hz 0.13 ms too late beside slow motion",
+            "reads 2 Hz motion 0.13 ms too late compared with slow motion",
         ),
-        ("clock_rate", -60.5, True, "sensor.clock", "clock loses 60.5 millionths on the IMU's; it was taken out"),
-        ("clock_rate", 12.25, True, "sensor.clock", "clock gains 12.2 millionths on the IMU's"),
+        ("clock_rate", -60.5, True, "sensor.clock", "clock loses 60.5 ppm on the IMU's; it was taken out"),
+        ("clock_rate", 12.25, True, "sensor.clock", "clock gains 12.2 ppm on the IMU's"),
         ("gyroscope_scale", -4e-3, True, "sensor.gyroscope_scale", "x axis reads 0.40% too little; it was taken out"),
     ],
 )
@@ -140,7 +146,7 @@ def test_lasers_beyond_the_first_two_are_counted(count: int, tail: str) -> None:
     ("wider", "clock_place", "said"),
     [
         (1.0, -1, "ranges were corrected for it"),
-        (1.3, -1, "they disagree about"),
+        (1.3, -1, "because parts of the recording disagree"),
         (2.0, -1, ""),
         (1.3, 0, "ranges were corrected for it"),
     ],
@@ -164,7 +170,7 @@ def test_parts_that_disagree_make_a_sensor_less_sure(wider: float, clock_place: 
     assert one.significant is bool(said)
     assert [text for _, text in found.sentences if not text.endswith(said)] == []
     assert bool(found.sentences) is bool(said)
-    # Shaken faster than the IMU reads, its axes were "up to 5.62 deg off square", by six sigmas. Mutation: said all the same.
+    # Shaken faster than the IMU reads, its axes were "up to 5.62 deg off", by six sigmas. Mutation: said all the same.
     in_two = sensor_findings(solved, None, np.array([(wider**2 - 1.0) * 1e-8]), torn=True)
     assert in_two.sentences == ()
     assert [(each.value, each.std) for each in in_two.parameters] == [(one.value, one.std)]

@@ -51,7 +51,7 @@ def test_what_counts_is_said_with_its_size_and_what_it_could_do() -> None:
     ((code, text),) = told_considered([_one("laser_range_scale", seven)], covariance)
     assert code == "sensor.considered"
     assert text == (
-        "not estimated but counted in the error bars: range scales of lasers (0.10 %, 1 sigma) could move the translation by "
+        "not estimated, but counted in the error bars: range scales of lasers (0.10 %, 1 sigma) could move the translation by "
         "0.50 mm"
     )
     # Four lasers, each as much: twice as far, and of a covariance that has room for it.
@@ -63,7 +63,7 @@ def test_what_counts_is_said_with_its_size_and_what_it_could_do() -> None:
     both = [_one("clock_rate", seven, prior=40.0), _one("gyroscope_axes", turning, prior=np.radians(0.3))]
     told = told_considered(both, covariance + np.diag(turning**2))
     assert ["rotation by 0.0050 deg" in text for _, text in told] == [False, True]
-    assert [text.split("(")[1].split(",")[0] for _, text in told] == ["40 millionths", "0.30 deg"]
+    assert [text.split("(")[1].split(",")[0] for _, text in told] == ["40 ppm", "0.30 deg"]
 
 
 #: A thousandth of each unit, in the words that people use.
@@ -72,8 +72,8 @@ SIZES = {
     "rad": "0.057 deg",
     "m": "1.0 mm",
     "s": "1.0 ms",
-    "ppm": "0.0010 millionths",
-    "rad/s/(m/s2)": "0.56 deg/s a g",
+    "ppm": "0.0010 ppm",
+    "rad/s/(m/s2)": "0.56 deg/s per g",
     "1/(m/s2)": "0.0010 1/(m/s²)",
     "s2": "0.0010 s²",
     "s3": "0.0010 s³",

@@ -176,7 +176,7 @@ def test_straightened_clouds_are_refused_before_the_gyroscope_tells_their_turnin
         replace(m, omega_rad_s=np.zeros(3), R=exp(np.array([0.0, 0.0, 0.1 * (m.position >= 12)])) @ m.R)
         for m in motions
     ]
-    with pytest.raises(Refused, match="straightened"):
+    with pytest.raises(Refused, match="motion was taken out of the clouds"):
         Guide(run).lead(still, None)
 
 

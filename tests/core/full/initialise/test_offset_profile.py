@@ -67,9 +67,9 @@ def test_a_clear_peak_agrees_or_disagrees_and_a_flat_one_says_nothing() -> None:
     Mutations: any peak beyond a step disagrees; a flat one at zero agrees; noise does not count.
     """
     assert _meant(LAG_S) == ", which agrees with the answer."
-    assert "the answer and the turning disagree" in _meant(LAG_S + 0.08)
+    assert "the rotation rates disagree with the answer" in _meant(LAG_S + 0.08)
     for away_s in (0.0, 0.03, -0.08):
-        assert "too smooth for the turning alone to tell" in _meant(LAG_S + away_s, 0.11)
+        assert "too smooth to tell the time offset by rotation rates alone" in _meant(LAG_S + away_s, 0.11)
     # 80 ms are within what this noise makes: the same curve, but that its highest value is no longer 1.
     assert "disagree" not in _meant(LAG_S + 0.08, noise=0.4)
 

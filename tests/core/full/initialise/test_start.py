@@ -370,8 +370,8 @@ def test_where_only_noise_turns_the_rotation_comes_from_the_accelerations() -> N
 @pytest.mark.parametrize(
     ("followed", "end", "code", "said"),
     [
-        (8, 80, "planes.lost", "could be followed over 8 of 80 scans"),
-        (70, 80, "start.no_overlap", "share no stretch .* of different times; see"),
+        (8, 80, "planes.lost", "could be followed over only 8 of 80 scans"),
+        (70, 80, "start.no_overlap", "overlap too little .* of different times; see"),
         (
             12,
             12,

@@ -148,7 +148,7 @@ def test_a_walk_that_is_told_is_the_priors_from_there_on_and_said(half: Half, mo
     assert said == []
     say_walks(data, told)
     assert len(said) == 1
-    assert said[0].startswith("the accelerometer's bias seems to wander ")
+    assert said[0].startswith("the accelerometer's bias seems to drift ")
     assert [wanders(data.run, each) for each in (state, told)] == [False, True]
     assert with_walks_told(half.data, replace(wandering, minimum=None)) == replace(wandering, minimum=None)
     assert with_usual_walks(half.data.run, told).priors == state.priors

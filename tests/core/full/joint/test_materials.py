@@ -36,7 +36,7 @@ def test_what_walls_are_made_of_does_not_bend_the_answer_and_is_told(seed: int, 
     errors = errors_of(result, truth)
     assert errors @ np.linalg.solve(np.array(result.uncertainty.covariance), errors) < chi2.ppf(0.999, 7)
     (text,) = (said.text for said in result.messages if said.code == "planes.material")
-    told = re.match(r"(\w+) reads ([\d.]+) mm (long|short) beside", text)
+    told = re.match(r"(\w+) reads ([\d.]+) mm (long|short) compared", text)
     assert told is not None
     assert told[1] == stands_out
     # What the others have in common nobody tells: the prior's two millimetres are left.

@@ -121,12 +121,12 @@ def test_a_choice_that_does_not_hold_the_motion_is_told_before_all_points_are_tr
     monkeypatch.setattr(solve, "admit_surface", lambda _, state, *__: state)
     schedule = replace(CHOSEN, chosen=chosen)
     if marked is None:
-        with pytest.raises(Refused, match="do not hold the motion") as refused:
+        with pytest.raises(Refused, match="do not determine the motion") as refused:
             solve.settled(half.data, half.state, schedule)
         assert refused.value.code == "planes.doubtful"
         assert f"motion: {', '.join(f'{name} is not flat' for name in names)}, and the others" in str(refused.value)
         assert str(refused.value).endswith(
-            "choose walls, floor and ceiling, or use the suggestion"
+            "choose walls, floor and ceiling, or use the suggested planes"
         )  # as the button is called
         return
     after = solve.settled(half.data, half.state, schedule)
@@ -139,16 +139,18 @@ def test_what_came_into_view_is_not_blamed_on_a_choice() -> None:
     planes = [MapPlane("box", chosen=True), MapPlane("floor"), MapPlane("wall"), MapPlane("wall 2", late=True)]
     normals = np.array([[0.0, 0.6, 0.8], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     require_three_ways(planes, ["bent", "", "", ""], normals)
-    with pytest.raises(Refused, match="motion: box is not flat, and the others do not face three ways;"):
+    with pytest.raises(
+        Refused, match="motion: box is not flat, and the others do not face three different directions;"
+    ):
         require_three_ways(planes, ["bent", "", "", "bent"], normals)
-    with pytest.raises(Refused, match="motion: they do not face three ways;"):
+    with pytest.raises(Refused, match="motion: they do not face three different directions;"):
         require_three_ways(planes[1:], ["", "", "bent"], normals[1:])
 
 
 def test_two_planes_are_not_called_bent_by_a_motion_that_they_do_not_hold() -> None:
     """Seen: a floor and a wall, "plane 1 is not flat", where the lidar slid along both. Mutation: blame them all the same."""
     planes, normals = [MapPlane("floor", chosen=True), MapPlane("wall", chosen=True)], np.eye(3)[1:]
-    with pytest.raises(Refused, match="motion: those that count face two ways at most; choose walls, floor and"):
+    with pytest.raises(Refused, match="motion: those that count face two directions at most; choose walls, floor and"):
         require_three_ways(planes, ["bent", ""], normals)
 
 

@@ -140,7 +140,7 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
     np.testing.assert_array_equal(left.estimate.offsets_m, [0.0, 2.0, 3.0])
     assert left.observations is None
     assert len(state.planes) == 4  # what was known before is as it was
-    assert said == ["b does not fit the motion that the others share: left out"]
+    assert said == ["b does not fit the motion of the other planes: left out"]
     assert drop_planes(data, state, PlaneSet(worst_scatter=100.0)) is state
 
 
@@ -208,7 +208,7 @@ def test_a_plane_that_has_come_to_lie_along_another_is_left_out(monkeypatch: pyt
         return [plane.name for plane in after.planes]
 
     assert left() == ["floor", "wall", "step", "slope"]
-    assert said == [("info", "planes.merged", "late has turned out to be floor: left out")]
+    assert said == [("info", "planes.merged", "late is the same plane as floor: left out")]
     assert left(late=MapPlane("late", outline_m=np.zeros((3, 3)))) == list(names)
     assert left(late=MapPlane("late", chosen=True)) == ["wall", "late", "step", "slope"]
     assert left(late=MapPlane("late", chosen=True), floor=MapPlane("floor", chosen=True)) == list(names)

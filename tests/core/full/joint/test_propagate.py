@@ -317,7 +317,7 @@ def test_what_was_carried_on_after_the_planes_were_lost_is_let_go(half: Half) ->
     ends_s = half.data.readings.knots_s[left.knots - 1] + left.estimate.time_offset_s
     assert 0.0 < ends_s - half.data.run.clocks.scan_s[max(left.positions)] < 0.2
     assert len(said) == 1
-    assert f"out of sight {100.0 + ends_s:.0f} s after the recording's first scan" in said[0]
+    assert f"out of view {100.0 + ends_s:.0f} s after the recording's first scan" in said[0]
 
 
 @pytest.mark.parametrize(
@@ -366,7 +366,7 @@ def test_rounds_are_bounded_by_what_there_is_to_propagate_to(half: Half) -> None
         12 + 12
     )
     assert half.data.most_rounds > propagate(half.data, half.state, half.schedule).rounds
-    with pytest.raises(Refused, match=r"did not come to rest in the 2 rounds .* moved by .* times its standard dev"):
+    with pytest.raises(Refused, match=r"did not converge in the 2 rounds .* moved by .* times its standard dev"):
         one_round(replace(half.data, most_rounds=2), half.state, FULL.coarse[0], FULL.sampling)
 
 

@@ -49,7 +49,9 @@ def test_that_it_stood_still_is_one_sentence_however_scans_stray() -> None:
     assert said == {stood_text()}
 
 
-@pytest.mark.parametrize(("planes", "said"), [(1, "one way only"), (2, "two ways only"), (3, "three ways")])
+@pytest.mark.parametrize(
+    ("planes", "said"), [(1, "one direction only"), (2, "two directions only"), (3, "three directions")]
+)
 def test_where_planes_were_lost_at_once_it_is_said_how_they_face(planes: int, said: str) -> None:
     """Seen: a lidar on its side between two pairs of walls was told to be given planes that stay in view. By hand; two that face
     each other are one way. Mutations: planes counted; the smallest of the three not looked at."""

@@ -75,7 +75,9 @@ def test_times_in_a_wrong_unit_are_named(tracked: tuple[Run, list[ScanMotion]], 
 
     require_measured_sweeps(replace(run, on_event=listen), _with_rates(motions, times))
     assert len(said) == warned
-    assert all(text.startswith(f"points.times_off: the points' times seem to be {1 / times:.2f} of") for text in said)
+    assert all(
+        text.startswith(f"points.times_off: the points' times seem to be {1 / times:.2f} times") for text in said
+    )
 
 
 def test_what_tells_nothing_is_not_asked(tracked: tuple[Run, list[ScanMotion]]) -> None:
@@ -165,6 +167,6 @@ def test_a_led_track_is_asked_by_its_points(noisy: tuple[Recording, Truth]) -> N
         found = turning_freed(spoilt, led)
         assert found is not None
         assert least < found.share < most
-        with pytest.raises(Refused, match="of what the gyroscope felt meanwhile; expected 1") as refused:
+        with pytest.raises(Refused, match="times the rotation that the gyroscope measured; expected 1") as refused:
             require_measured_scans(spoilt, led)
         assert refused.value.code == code

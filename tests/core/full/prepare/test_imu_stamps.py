@@ -62,7 +62,7 @@ def test_stamps_that_jitter_are_found_and_either_reading_can_be_asked_for(noisy:
     assert line_std_s > 1.05 * JITTER_S / np.sqrt(3.0 * len(left_s))
     assert 0.95 * line_std_s < std_s < 1.3 * line_std_s
     assert len(said) == 1
-    assert "jitter by 1.1 ms, the sampling does not" in said[0]
+    assert "jitter by 1.1 ms, but the sampling does not" in said[0]
     assert "sampled evenly, every 10 ms" in said[0]
     assert _said(jittered, CalibrateSettings(imu_sampling="as-stamped"))[:2] == (jittered, 0.0)
     forced = _said(jittered, CalibrateSettings(imu_sampling="even"))
@@ -94,7 +94,7 @@ def test_asking_for_an_even_row_where_there_is_none_is_answered(noisy: tuple[Rec
     few = replace(noisy[0], imu=ImuData(imu.stamps_ns[:60], imu.gyro_rad_s[:60], imu.accel_m_s2[:60], "/imu"))
     taken, std_s, said = _said(few, CalibrateSettings(imu_sampling="even"))
     assert (taken, std_s) == (few, 0.0)
-    assert "follow no even row" in said[0]
+    assert "fit no even sampling" in said[0]
 
 
 def test_stamps_in_no_row_are_said_to_be_even_when_nobody_asked(noisy: tuple[Recording, Truth]) -> None:
@@ -105,20 +105,20 @@ def test_stamps_in_no_row_are_said_to_be_even_when_nobody_asked(noisy: tuple[Rec
     taken, std_s, said = _said(uneven, CalibrateSettings())
     assert taken is uneven
     assert std_s == 0.0
-    assert said == ["the stamps of /imu/data follow no even row of samples: readings are taken as sampled when stamped"]
+    assert said == ["the stamps of /imu/data fit no even sampling: each reading is taken to be sampled at its stamp"]
 
 
 @pytest.mark.parametrize(
     ("beta", "std", "in_rows", "compared", "words"),
     [
-        (0.01, 0.02, 1.0, 600, "the sampling does not (1.0 ± 2.0 %"),
-        (0.30, 0.03, 1.0, 600, "less than half of it is in the sampling (30.0 ± 3.0 %"),
-        (0.70, 0.03, 1.0, 600, "more than half of it is in the sampling (70.0 ± 3.0 %"),
+        (0.01, 0.02, 1.0, 600, "but the sampling does not (1.0 ± 2.0 %"),
+        (0.30, 0.03, 1.0, 600, "less than half of this is in the sampling itself (30.0 ± 3.0 %"),
+        (0.70, 0.03, 1.0, 600, "more than half of this is in the sampling itself (70.0 ± 3.0 %"),
         (0.98, 0.03, 1.0, 600, "and so does the sampling (98.0 ± 3.0 %"),
-        (6.60, 0.10, 1.0, 600, "fit neither sampling when stamped nor even sampling (660.0 ± 10.0 %"),
+        (6.60, 0.10, 1.0, 600, "fit neither sampling at the stamps nor even sampling (660.0 ± 10.0 %"),
         (0.40, 0.20, 1.0, 600, "cannot be told from this motion"),
-        (0.50, np.inf, 1.0, 0, "too few readings in a row are without a loss to tell"),
-        (0.01, 0.02, 0.88, 600, "every 10 ms, but for 12 % of them, whose stamps follow no line"),
+        (0.50, np.inf, 1.0, 0, "too few readings come without a loss to tell"),
+        (0.01, 0.02, 0.88, 600, "every 10 ms, except 12 % of them, whose stamps fit no even sampling"),
     ],
 )
 def test_what_is_said_is_what_was_found(beta: float, std: float, in_rows: float, compared: int, words: str) -> None:

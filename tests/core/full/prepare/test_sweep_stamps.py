@@ -95,8 +95,8 @@ def test_a_hosts_stamps_are_put_on_the_rotors_line(way: float, begin_s: FloatArr
     assert [scan.stamp_ns for scan in taken.scans] == seen.stamps_ns.tolist()
     assert len(said) == 1
     assert isinstance(said[0], LogEvent)
-    assert "the stamps of /points are off its rotor's turning by" in said[0].text
-    behind_ms = float(said[0].text.split("the mean stamp comes ")[1].split(" ms")[0])
+    assert "the stamps of /points are off its rotor's even rotation by" in said[0].text
+    behind_ms = float(said[0].text.split("stamps are on average ")[1].split(" ms")[0])
     assert behind_ms == pytest.approx(0.5, abs=0.15)
 
 
