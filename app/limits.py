@@ -16,7 +16,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.common import ErrorFacts
-from calib_core.errors import DISK_FULL
+from calib_core.errors import NO_ROOM
 
 #: A job that may have less than this ends before it has an answer for an ordinary recording.
 LEAST_MEMORY_BYTES = 2**30
@@ -30,8 +30,6 @@ _FILLED = frozenset({"RssAnon", "RssShmem"})
 _KIB = 1024
 #: Of a RuntimeError: there is no memory for its stack.
 _NO_THREAD = "can't start new thread"
-#: No room for what is written: on the disk, or within the longest that a file may be.
-NO_ROOM = DISK_FULL | {errno.EFBIG}
 _CGROUP_MEMORY = Path("/sys/fs/cgroup/memory.max")
 
 

@@ -20,6 +20,8 @@ import errno
 
 #: An OSError's numbers: the disk is full, or the share of it that this user may have.
 DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
+#: The same, or the file is as large as this process may make one.
+NO_ROOM = DISK_FULL | {errno.EFBIG}
 
 
 class UnsweepError(Exception):

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.errors import DISK_FULL
+from calib_core.errors import NO_ROOM
 
 #: Room for the first parts; each time there is too little, twice as much.
 _FIRST_BYTES = 2**20
@@ -69,7 +69,7 @@ class _Column:
                 self._store.append(data)
                 return
             except OSError as error:
-                if error.errno not in DISK_FULL:
+                if error.errno not in NO_ROOM:
                     raise
                 self._has_disk = False
                 if isinstance(self._store, _InFile):

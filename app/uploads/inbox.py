@@ -14,10 +14,10 @@ from anyio import to_thread
 from starlette.types import Receive
 
 from app.errors import ApiError, BadRequest, Conflict, DiskFull, NotFound, TooLarge, Unavailable
-from app.limits import NO_ROOM
 from app.storage.files import DataFolder
 from app.storage.partial import Appender
 from app.uploads.protocol import Checksum, TusError
+from calib_core.errors import NO_ROOM
 
 #: Bytes gathered before they are handed to a thread for writing.
 WRITE_BYTES = 4 * 2**20

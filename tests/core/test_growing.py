@@ -96,9 +96,11 @@ def _held_kb() -> int:
     return held
 
 
-@pytest.mark.parametrize("full_at", [0, 1, 3])
-def test_where_the_disk_is_full_all_stays_in_memory(full_at: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the first write on, or later. Mutations: an error; what the file held lost; written to the file again."""
+@pytest.mark.parametrize(("full_at", "number"), [(0, errno.ENOSPC), (1, errno.EDQUOT), (3, errno.EFBIG)])
+def test_where_the_disk_is_full_all_stays_in_memory(full_at: int, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the first write on, or later; or a file may not be larger. Mutations: an error; what the file held lost; written to
+    the file again; one of the errors for a defect.
+    """
     monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", 64 * 1024)
     written: list[int] = []
 
@@ -116,7 +118,7 @@ def test_where_the_disk_is_full_all_stays_in_memory(full_at: int, monkeypatch: p
             written.append(len(data))
             if len(written) > full_at:
                 self.file.write(data[:100])
-                raise OSError(errno.ENOSPC, "No space left on device")
+                raise OSError(number, "No space left on device")
             return self.file.write(data)
 
     monkeypatch.setattr(growing, "tempfile", SimpleNamespace(TemporaryFile=lambda **_: Full()))
