@@ -36,6 +36,7 @@ from calib_core.factors.kernels import (
 )
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
+from calib_core.growing import heed_pages
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
@@ -43,6 +44,8 @@ SLICE_S = 0.002
 GATE_STDS = 4.0
 #: How far apart two points of a cell of edge 1 may be.
 DIAGONAL = 3.0**0.5
+#: Scatter matrices that are moved at a time: some megabytes of them.
+_AT_ONCE = 65536
 
 
 @dataclass(frozen=True, slots=True)
@@ -318,16 +321,20 @@ def collapse(hits: Hits, keep: BoolArray, weight: FloatArray, n_planes: int) -> 
 
 
 def move_and_sum(
-    scatter: FloatArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray
+    scatter: FloatArray, R: FloatArray, p: FloatArray, pose: IntArray, key: IntArray, rows: IntArray | None = None
 ) -> tuple[IntArray, FloatArray]:
     """Scatter matrices with their hits moved rigidly, x -> R x + p, and summed over equal keys.
 
-    scatter: (B, 15).   R: (S, 3, 3), p: (S, 3).   pose: (B,) which of them.   key: (B,).   Returns the keys in order (K,)
-    and the sums (K, 5, 5).
+    scatter: (A, 15).   rows: (B,) which of them; None for all, B = A.   R: (S, 3, 3), p: (S, 3).   pose: (B,) which of these.
+    key: (B,).   Returns the keys in order (K,) and the sums (K, 5, 5).
     """
     keys, place = distinct(key)
     total = np.zeros((len(keys), 5, 5))
-    move_and_sum_kernel(scatter, R, p, pose, place, total)
+    for first in range(0, len(key), _AT_ONCE):
+        some = slice(first, first + _AT_ONCE)
+        part = scatter[some] if rows is None else scatter[rows[some]]
+        heed_pages(part.nbytes)
+        move_and_sum_kernel(part, R, p, pose[some], place[some], total)
     return keys, total
 
 

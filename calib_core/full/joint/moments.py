@@ -122,7 +122,7 @@ def gather(micro: Micro, motion: Motion, estimate: Estimate) -> Bins:
     laid_out_at = micro.laid_out_at
     if len(key) == 0:
         return replace(no_bins(estimate.time_offset_s), laid_out_at=laid_out_at)
-    keys, scatter = move_and_sum(micro.scatter[use], R, p, of_slice, key)
+    keys, scatter = move_and_sum(micro.scatter, R, p, of_slice, key, use)
     count = np.bincount(np.searchsorted(keys, key), micro.count[use]).astype(np.int64)
     lasers = LaserFactors.empty()
     if micro.lasers is not None:

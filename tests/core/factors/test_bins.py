@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from calib_core.factors import lidar_plane
 from calib_core.factors.lidar_plane import (
     SLICE_S,
     Gate,
@@ -244,8 +245,12 @@ def unpack(scatter: FloatArray) -> FloatArray:
     return np.triu(full) + np.swapaxes(np.triu(full, 1), 1, 2)
 
 
-def test_bins_of_one_key_are_summed_each_from_its_own_pose() -> None:
-    """Fails when rows of equal keys that are not neighbours are not joined, or poses are counted by bins."""
+@pytest.mark.parametrize("at_once", [65536, 4])
+def test_bins_of_one_key_are_summed_each_from_its_own_pose(at_once: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fails when rows of equal keys that are not neighbours are not joined, or poses are counted by bins. Mutations, of some at a
+    time: the last ones left out; poses of the first; rows counted among those asked for.
+    """
+    monkeypatch.setattr(lidar_plane, "_AT_ONCE", at_once)
     rng = np.random.default_rng(10)
     full = rng.normal(size=(6, 5, 5))
     full += np.swapaxes(full, 1, 2)
@@ -258,6 +263,9 @@ def test_bins_of_one_key_are_summed_each_from_its_own_pose() -> None:
     np.testing.assert_array_equal(keys, [2, 4, 9])
     for k, total in zip(keys, sums, strict=True):
         np.testing.assert_allclose(total, moved[key == k].sum(axis=0), atol=1e-12)
+    among, rows = rng.normal(size=(9, 15)), np.array([1, 2, 4, 5, 7, 8])
+    among[rows] = full[:, *np.triu_indices(5)]
+    np.testing.assert_array_equal(move_and_sum(among, R, p, pose, key, rows)[1], sums)
 
 
 @pytest.mark.parametrize("kind", ["rising", "rising but at seams", "any", "none"])
