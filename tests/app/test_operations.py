@@ -11,7 +11,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 
 from app.logs import LogLine, about
-from app.server import services as services_module
+from app.server import readiness
 from tests.app.support.live import serving
 
 
@@ -56,7 +56,7 @@ def test_ready_means_that_it_was_tried(live, monkeypatch):
     Mutation: os.access, which says yes to root whatever the disk is like; the last answer kept for good.
     """
     assert live.http.get("/readyz").status_code == 200
-    monkeypatch.setattr(services_module, "READY_FOR_S", 0.0)
+    monkeypatch.setattr(readiness, "READY_FOR_S", 0.0)
     uploads = live.settings.data_dir / "uploads"
     away = uploads.rename(live.settings.data_dir / "away")
     answer = live.http.get("/readyz")

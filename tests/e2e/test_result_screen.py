@@ -47,7 +47,7 @@ def test_result(page: Page, api: Api, solved: tuple[str, str], scheme: str) -> N
     expect(page.get_by_role("figure", name="axes drawn in the IMU's frame")).to_be_visible()
     stretches = page.get_by_role("region", name="What parts of the recording answer")
     expect(stretches.get_by_role("figure")).to_have_count(4)
-    turns = stretches.get_by_role("figure", name="Rotation")
+    turns = stretches.get_by_role("figure", name=re.compile("^Rotation"))
     turns.locator(".u-over").hover()
     expect(turns.locator("b").first).to_have_text(re.compile(r"^ ?−?\d[\d.]*±\d[\d.]*$"))
     page.get_by_role("combobox", name="Format").select_option("urdf")
