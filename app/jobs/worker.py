@@ -1,6 +1,7 @@
 """The child process of one job: reads its order, runs the job's function, tells what happens through a pipe.
 
-Nothing heavy is imported here: the thread caps of children.py must be in force before NumPy is.
+NumPy comes with what is imported here. It heeds the thread caps of children.py, which are in the environment before the child
+is born.
 """
 
 from __future__ import annotations

@@ -195,7 +195,7 @@ def test_scene_building_knows_no_viewer_and_routes_do_no_arithmetic():
         assert not {name.split(".")[0] for name, _ in imports_of(path)} & {"numpy", "scipy", "sqlalchemy"}, path
 
 
-def test_workers_start_without_numpy_so_that_thread_caps_are_in_force():
+def test_what_jobs_are_ordered_and_told_by_is_no_business_of_numerics_or_the_web():
     """Mutation: `import numpy` in app/jobs/worker.py."""
     for name in ("worker", "orders", "coalesce"):
         tops = {found.split(".")[0] for found, _ in imports_of(ROOT / "app" / "jobs" / f"{name}.py")}
