@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pydantic import Field
 
+from app.schemas.audits import GivenDirection, GivenText
 from app.schemas.common import ErrorFacts, RecordId, WireModel
 from app.schemas.jobs import Job
-from calib_core.audit.given import Direction
 
 
 class WallThickness(WireModel):
@@ -65,15 +65,8 @@ class Command(WireModel):
 class ExtrinsicText(WireModel):
     """An extrinsic as it was pasted or uploaded."""
 
-    text: str = Field(
-        max_length=200_000,
-        description="a result, a URDF, settings of FAST-LIO or LIO-SAM, or a matrix of 4 by 4 numbers",
-    )
-    direction: Direction = Field(
-        default="imu_lidar",
-        description="only for bare numbers; imu_lidar: they take lidar coordinates to IMU coordinates; lidar_imu: the other "
-        "direction",
-    )
+    text: GivenText
+    direction: GivenDirection = "imu_lidar"
 
 
 class AnswerDifference(WireModel):

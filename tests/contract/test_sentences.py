@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +19,7 @@ from calib_core.full.joint import bounds
 from calib_core.full.joint.doubtful_planes import require_three_ways, say_left_out
 from calib_core.full.joint.estimation import MapPlane
 from calib_core.full.joint.undetermined import NAMES
-from calib_core.full.planes.plane_tests import WORDS
+from calib_core.full.planes.plane_tests import WORDS, Fault
 from calib_core.readers.imu.units import detect_accelerometer_unit
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.settings import ReadSettings
@@ -47,6 +48,11 @@ class Telling:
         self.texts.append(text)
 
 
+def standing_in(**facts: object) -> Any:
+    """For what a sentence is made of."""
+    return SimpleNamespace(**facts)
+
+
 def found(name: str, text: str) -> tuple[str | None, ...]:
     """What the pattern finds in the text."""
     match = PATTERNS[name].search(text)
@@ -63,12 +69,12 @@ def test_every_pattern_is_read_and_held_to_a_sentence_here() -> None:
 
 
 @pytest.mark.parametrize("fault", WORDS)
-def test_why_a_plane_was_left_out_is_found(fault: str) -> None:
+def test_why_a_plane_was_left_out_is_found(fault: Fault) -> None:
     """Mutation: other words for "left out"."""
-    run = Telling()
+    run: Any = Telling()
     doubt = {"moved": [9.0, 0.0, 0.0], "bent": [0.0, 9.0, 0.0], "mixed": [0.0, 0.0, 9.0]}[fault]
-    say_left_out(run, [MapPlane("wall")], np.array([doubt]))  # type: ignore[arg-type]
-    assert found("leftOut", run.texts[0].removeprefix("wall ")) == (WORDS[fault].removeprefix("is "),)  # type: ignore[index]
+    say_left_out(run, [MapPlane("wall")], np.array([doubt]))
+    assert found("leftOut", run.texts[0].removeprefix("wall ")) == (WORDS[fault].removeprefix("is "),)
 
 
 def test_what_is_wrong_with_a_plane_that_counts_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,9 +84,10 @@ def test_what_is_wrong_with_a_plane_that_counts_is_found(monkeypatch: pytest.Mon
     monkeypatch.setattr(doubtful_choice, "fault_of", lambda _: "bent")
     monkeypatch.setattr(doubtful_choice, "is_mostly_bent", lambda _: False)
     monkeypatch.setattr(doubtful_choice, "plane_residuals", lambda *_: [(0.01, 1000)])
-    run, planes = Telling(), [MapPlane("wall", chosen=True)]
-    solved = SimpleNamespace(problem=None, estimate=None, planes=planes)
-    doubtful_choice.say_doubtful_choice(run, solved)  # type: ignore[arg-type]
+    run: Any = Telling()
+    planes = [MapPlane("wall", chosen=True)]
+    solved = standing_in(problem=None, estimate=None, planes=planes)
+    doubtful_choice.say_doubtful_choice(run, solved)
     assert found("doubted", run.texts[0].removeprefix("wall ")) == ("not flat",)
 
 
@@ -95,7 +102,7 @@ def test_the_planes_that_a_refusal_is_for_are_found(monkeypatch: pytest.MonkeyPa
         require_three_ways(planes, ["bent", "moved", ""], np.eye(3))
     monkeypatch.setattr(bounds, "last_move", lambda *_: (np.full(7, 9.0), np.ones(7)))
     with pytest.raises(Refused) as unsettled:
-        bounds.require_rest(None, SimpleNamespace(planes=planes), 1.0)  # type: ignore[arg-type]
+        bounds.require_rest(standing_in(), standing_in(planes=planes), 1.0)
     for refused in (doubtful, unsettled):
         assert found("blamed", str(refused.value)) == ("box is not flat, cart did not stand still",)
 
@@ -112,15 +119,15 @@ def test_the_sensor_that_has_to_be_named_is_found(monkeypatch: pytest.MonkeyPatc
     """Mutation: other words for naming it."""
     monkeypatch.setattr(sensors, "cost_of_sensors", lambda _: np.array([1.0, 9.0, 1.0]))
     monkeypatch.setattr(sensors, "_unnamed", lambda _: [sensor])
-    solved = SimpleNamespace(nuisance=SimpleNamespace(sensors=SimpleNamespace(blocks=(1,))))
-    ((_, text),) = sensors.told_cost(SimpleNamespace(beyond_sheets=False), solved, None)  # type: ignore[arg-type]
+    solved = standing_in(nuisance=standing_in(sensors=standing_in(blocks=(1,))))
+    ((_, text),) = sensors.told_cost(standing_in(beyond_sheets=False), solved, None)
     assert found("toBeNamed", text) == (sensor,)
 
 
 def test_a_doubt_about_the_gyroscopes_unit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Mutation: a sentence with neither a unit in it nor the turning of the lidar."""
     monkeypatch.setattr(axis_signs, "agreement", lambda *_: Agreement(1.0, DEGREES, 0.0))
-    text = axis_signs.unit_complaint(SimpleNamespace(omega_rad_s=np.ones((9, 3))), np.zeros(9), _resting(1.0))  # type: ignore[arg-type]
+    text = axis_signs.unit_complaint(standing_in(omega_rad_s=np.ones((9, 3))), np.zeros(9), _resting(1.0))
     found("ofGyroscope", text)
     found("gyroscopeUnitDoubted", text)
 
@@ -130,12 +137,12 @@ def test_a_doubt_about_the_accelerometers_unit_is_found_and_readings_in_g_are_no
 ) -> None:
     """Mutations: other words for a unit, for gravity, or for what is neither; a doubt for readings in g."""
     monkeypatch.setattr(plausibility, "_beyond_gravity", lambda *_: True)
-    run = SimpleNamespace(settings=SimpleNamespace(gravity=SimpleNamespace(magnitude_m_s2=9.81, std_m_s2=0.01)))
-    solved = SimpleNamespace(estimate=SimpleNamespace(gravity=np.array([0.0, 0.0, 7.5])))
+    run = standing_in(settings=standing_in(gravity=standing_in(magnitude_m_s2=9.81, std_m_s2=0.01)))
+    solved = standing_in(estimate=standing_in(gravity=np.array([0.0, 0.0, 7.5])))
     doubts = [
         _said_of_accelerations(3.1),
         axis_signs.gravity_complaint(_resting(1.0).stamps_ns / 1e9, _resting(1.0), 9.81),
-        plausibility.implausible(run, solved) or "",  # type: ignore[arg-type]
+        plausibility.implausible(run, solved) or "",
     ]
     for text in doubts:
         found("ofAccelerometer", text)
