@@ -1,8 +1,7 @@
 """Arrays that grow at their end: what many scans leave is put in place as it comes, and is never there twice.
 
 Put together from a list, parts and whole are there at once, and the parts leave holes in the heap that nothing fits into later.
-Of a long recording what is put together lies in an unnamed temporary file. Whoever goes through it, part after part, says so, and
-from time to time its pages are given back: they stay in the system's cache for as long as it has room, but count as nobody's.
+Of a long recording what is put together lies in an unnamed temporary file, whose pages are given back (`calib_core/paged.py`).
 """
 
 from __future__ import annotations
@@ -16,13 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.errors import NO_ROOM
+from calib_core.paged import give_back
 
 #: Room for the first parts; each time there is too little, twice as much.
 _FIRST_BYTES = 2**20
 #: A column that is larger goes to a file: that of a few minutes.
 _IN_MEMORY_BYTES = 64 * 2**20
-#: So much is gone through before the pages of all files are given back.
-_HELD_BYTES = 32 * 2**20
 
 
 class Growing:
@@ -116,30 +114,4 @@ class _InFile:
         self.size += len(data)
 
     def pages(self) -> mmap.mmap:
-        mapped = mmap.mmap(self._file.fileno(), self.size)
-        _mapped.add(mapped)
-        return mapped
-
-
-#: Arrays that lie in files.
-_mapped: weakref.WeakSet[mmap.mmap] = weakref.WeakSet()
-
-
-class _Held:
-    """How much was gone through since pages were given back last: roughly, as threads do not wait for one another to count."""
-
-    n_bytes = 0
-
-
-def heed_pages(n_bytes: int) -> None:
-    """Told by whoever goes through so much of arrays that may lie in files: pages that were read long ago are given back.
-
-    Nothing is lost, and who still reads there gets them from the system's cache: they are the files' own.
-    """
-    if not _mapped:
-        return
-    _Held.n_bytes += n_bytes
-    if _Held.n_bytes > _HELD_BYTES:
-        _Held.n_bytes = 0
-        for pages in list(_mapped):
-            pages.madvise(mmap.MADV_DONTNEED)
+        return give_back(mmap.mmap(self._file.fileno(), self.size))

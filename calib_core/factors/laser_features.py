@@ -41,7 +41,7 @@ from calib_core.factors.laser_kernels import (
 )
 from calib_core.factors.lidar_plane import Hits, SlicePoses
 from calib_core.factors.patches import Between
-from calib_core.growing import heed_pages
+from calib_core.paged import heed_pages
 from calib_core.threads import in_parts
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray, LaserArray
 

@@ -36,7 +36,7 @@ from calib_core.factors.kernels import (
 )
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
-from calib_core.growing import heed_pages
+from calib_core.paged import heed_pages
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002

@@ -27,6 +27,7 @@ import numpy as np
 from calib_core.gp.regression import Hyper, windowed_posterior
 from calib_core.imu.link_kernels import preintegrate_kernel, sqrt_info_kernel
 from calib_core.memoised import memoised
+from calib_core.paged import heed_pages, paged
 from calib_core.threads import in_parts
 from calib_core.types import BoolArray, FloatArray
 
@@ -34,6 +35,8 @@ _GAUSS = 0.5 + np.array([-1.0, 1.0]) * np.sqrt(3.0) / 6.0
 #: Where hands, legs and machines still move a sensor.
 _BAND_HZ = 5.0
 _SUBSTEP_S = 0.006
+#: Links that a thread makes before their pages may be given back: two megabytes.
+_LINKS_AT_ONCE = 2048
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +114,9 @@ class Links:
 
     def part(self, first: int, last: int) -> Links:
         """Those from first to last (exclusive)."""
-        arrays = (getattr(self, each.name) for each in fields(self) if each.name != "h_s")
-        return Links(self.h_s, *(array[first:last] for array in arrays))
+        arrays = [getattr(self, each.name)[first:last] for each in fields(self) if each.name != "h_s"]
+        heed_pages(sum(array.nbytes for array in arrays))
+        return Links(self.h_s, *arrays)
 
 
 def knot_spacing_s(stamps_s: FloatArray) -> float:
@@ -226,17 +230,19 @@ def preintegrate(up: UpsampledImu, gyro_bias: FloatArray, accel_bias: FloatArray
     """The links about the given biases. gyro_bias, accel_bias: (L, 3), one a link."""
     count = len(up.linked)
     shapes = (count, 3, 3), (count, 3), (count, 3), *([(count, 3, 3)] * 5), (count, 9, 9)
-    filled = tuple(np.zeros(shape) for shape in shapes)
+    filled = paged(*shapes)
     force = up.accel.mean(axis=1) - accel_bias
     gyro_density2 = noise.gyro_rad_s_sqrt_hz**2 + up.excess_density2[:, :3]
     accel_density2 = noise.accel_m_s2_sqrt_hz**2 + up.excess_density2[:, 3:]
 
     def one(first: int, last: int) -> None:
-        some = slice(first, last)
-        own = [array[some] for array in filled]
-        gyro, accel = np.ascontiguousarray(up.gyro[some]), np.ascontiguousarray(up.accel[some])
-        preintegrate_kernel(up.spacing_s, gyro, accel, gyro_bias[some], accel_bias[some], *own[:-1])
-        sqrt_info_kernel(up.spacing_s, gyro_density2[some], accel_density2[some], force[some], own[-1])
+        for begin in range(first, last, _LINKS_AT_ONCE):
+            some = slice(begin, min(begin + _LINKS_AT_ONCE, last))
+            own = [array[some] for array in filled]
+            gyro, accel = np.ascontiguousarray(up.gyro[some]), np.ascontiguousarray(up.accel[some])
+            preintegrate_kernel(up.spacing_s, gyro, accel, gyro_bias[some], accel_bias[some], *own[:-1])
+            sqrt_info_kernel(up.spacing_s, gyro_density2[some], accel_density2[some], force[some], own[-1])
+            heed_pages(sum(array.nbytes for array in own))
 
     in_parts(count, one)
     links = Links(up.spacing_s, *filled)

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
-from calib_core.solver.information import ROUND_OFF, covariance, factor, solved
+from calib_core.paged import Shelf, heed_pages
+from calib_core.solver.information import ROUND_OFF, Covariance, covariance, factor, solved
 from calib_core.solver.kernels import (
     add_places_kernel,
     eliminate_kernel,
@@ -44,6 +46,11 @@ class ArrowSolution:
     information: FloatArray
     predicted_decrease: float
     gradient_shared: FloatArray = field(default_factory=lambda: np.zeros(0))
+
+    @cached_property
+    def covariance(self) -> Covariance:
+        """Of the shared unknowns: many ask for it at the end of a solve, and that of 128 lasers takes its time."""
+        return covariance(self.information)
 
 
 #: Stands for the information of what is held fixed.
@@ -86,6 +93,7 @@ class _Piece:
         """What a pull (K, n) on the chain does to the knots before and after the piece, (n,) each, through it: in the first's own
         units and the second's scaled ones."""
         own = pull[self.first : self.last] * self.scale[: self.last - self.first]
+        heed_pages(self.L.nbytes + self.M.nbytes)
         forward_kernel(self.L, self.M, own)
         none = np.zeros(own.shape[1])
         after = none if self.onward is None else self.onward @ own[-1]
@@ -100,6 +108,7 @@ class _Piece:
         own = -pull[self.first : self.last] * scale
         if self.before is not None:
             own[0] -= self.before @ before
+        heed_pages(self.L.nbytes + self.M.nbytes)
         forward_kernel(self.L, self.M, own)
         if self.onward is not None:
             own[-1] -= self.onward.T @ after
@@ -158,12 +167,10 @@ def _eliminated(equations: ArrowEquations, damping: float, *, for_steps: bool = 
     pieces = max(1, round(knots / _PIECE))
     edges = [0, *((np.arange(1, pieces) * knots) // pieces + 1).tolist(), knots]
 
+    shelf = Shelf() if for_steps else None
+
     def one(k: int) -> tuple[_Piece, _Left] | None:
-        piece = _eliminated_piece(equations, damping, is_free, edges[k], edges[k + 1])
-        if piece is None or for_steps:
-            return piece
-        # What the knots between pieces ask of it: a part of an array would keep all of it.
-        return replace(piece[0], L=_NONE, M=_NONE), piece[1]
+        return _eliminated_piece(equations, damping, is_free, edges[k], edges[k + 1], shelf)
 
     tasks = range(pieces)
     done = workers().map(one, tasks) if pieces > 1 else map(one, tasks)
@@ -231,10 +238,10 @@ def _places(columns: IntArray, size: int) -> IntArray:
 
 
 def _eliminated_piece(
-    equations: ArrowEquations, damping: float, free: BoolArray, first: int, end: int
+    equations: ArrowEquations, damping: float, free: BoolArray, first: int, end: int, shelf: Shelf | None
 ) -> tuple[_Piece, _Left] | None:
     """The part of knots first..end (exclusive), whose last is a cut's but for the last part; None where its chain is not positive
-    definite. free: (S,)."""
+    definite. free: (S,).   shelf: for what steps are found by; None where nobody asks for any."""
     part, is_last = equations.part(first, end), end == equations.knots
     count, n = part.gradient.shape
     count -= not is_last
@@ -242,7 +249,8 @@ def _eliminated_piece(
     scale = 1.0 / np.sqrt(np.maximum((1.0 + damping) * np.einsum("kii->ki", part.diagonal), 1e-300))
     # Most shared unknowns are felt everywhere, a plane by a part of the chain alone.
     own = np.flatnonzero(free[part.columns] & touched_kernel(part.border))
-    L, M = np.empty((count, n, n)), np.empty((max(count - 1, 0), n, n))
+    room = np.empty if shelf is None else shelf.room
+    L, M = room((count, n, n)), room((max(count - 1, 0), n, n))
     W = np.empty((count, n, len(own) + (n if first else 0) + 1))
     fill_kernel(part.diagonal, part.lower, part.border, part.gradient, scale, own, damping, first > 0, L, M, W)
     if not eliminate_kernel(L, M, W):
@@ -258,6 +266,9 @@ def _eliminated_piece(
         D[np.arange(n), np.arange(n)] *= 1.0 + damping
         cut = D, part.border[count] * unit, part.gradient[count] * scale[count]
     left = _Left(replace(part, diagonal=_NONE, lower=_NONE, border=_NONE), own, flat.T @ flat, W[-1].copy(), cut)
+    if shelf is None:
+        L = M = _NONE
+    heed_pages(L.nbytes + M.nbytes)
     return _Piece(first, first + count, scale, part.gradient, L, M, before, onward), left
 
 

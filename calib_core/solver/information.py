@@ -104,5 +104,8 @@ def marginal(information: FloatArray, count: int) -> FloatArray:
     Directions of the others that nothing is known of take away whatever they are coupled to.
     """
     own, border, others = information[:count, :count], information[:count, count:], information[count:, count:]
-    left = own - border @ covariance(others).matrix @ border.T
+    scale, unit = _of_unit_diagonal(others)
+    lower, scaled = factor(unit), border * scale
+    taken = border @ covariance(others).matrix @ border.T if lower is None else scaled @ solved(lower, scaled.T)
+    left = own - taken
     return np.asarray(0.5 * (left + left.T))

@@ -27,6 +27,7 @@ RECORDS = {
     "record_files",
     "memoised",
     "growing",
+    "paged",
 }
 
 #: Part of calib_core -> parts it may import besides itself and RECORDS.

@@ -6,15 +6,15 @@ import errno
 import mmap
 import tempfile
 from dataclasses import dataclass
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from calib_core import growing
-from calib_core.growing import Growing, heed_pages
+from calib_core import growing, paged
+from calib_core.growing import Growing
 from calib_core.types import Float32Array, IntArray
+from tests.core.held_pages import held_of_files_kb
 
 
 @dataclass(frozen=True)
@@ -68,32 +68,19 @@ def _grown(sizes: list[int]) -> tuple[Growing, IntArray]:
 def test_what_is_large_lies_in_a_file_and_its_pages_are_given_back(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is read after that, and what was written before, is the same. Oracle: what the system says of this process's pages.
 
-    Mutations: never to a file; what was in memory left behind; pages never given back; each time that they are gone through.
+    Mutations: never to a file; what was in memory left behind; pages that nobody gives back.
     """
     monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", 64 * 1024)
-    monkeypatch.setattr(growing, "_HELD_BYTES", 2 * 2**20)
+    monkeypatch.setattr(paged, "_HELD_BYTES", 2 * 2**20)
     grown, expected = _grown([3000, 5000, 200_000, 7, 0, 90_000])
     (number,) = grown.arrays()
     np.testing.assert_array_equal(number, expected)
     number[::1000] = -1
     expected[::1000] = -1
-    held_kb = _held_kb()
-    heed_pages(2**20)
-    assert _held_kb() == held_kb
-    heed_pages(2**20 + 1)
-    assert _held_kb() <= held_kb - number.nbytes // 1024
+    held_kb = held_of_files_kb()
+    paged.heed_pages(2**21 + 1)
+    assert held_of_files_kb() <= held_kb - number.nbytes // 1024
     np.testing.assert_array_equal(number, expected)
-
-
-def _held_kb() -> int:
-    """Of this process's files without a name."""
-    held, mine = 0, False
-    for line in Path("/proc/self/smaps").read_text(encoding="utf-8").splitlines():
-        if "-" in line.split(" ")[0]:
-            mine = "(deleted)" in line
-        elif mine and line.startswith("Rss:"):
-            held += int(line.split()[1])
-    return held
 
 
 @pytest.mark.parametrize(("full_at", "number"), [(0, errno.ENOSPC), (1, errno.EDQUOT), (3, errno.EFBIG)])

@@ -17,7 +17,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.state import CALIBRATION, Estimate
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.full.prepare.nuisance import Nuisance
-from calib_core.solver.arrow import solve_arrow
+from calib_core.solver.arrow import ArrowSolution, solve_arrow
 from calib_core.solver.information import covariance
 from calib_core.types import FloatArray, IntArray
 
@@ -50,19 +50,16 @@ def consider(problem: JointProblem, estimate: Estimate, sensors: Nuisance) -> Co
     moved = every[:CALIBRATION]
     shift, seven = moved * sensors.prior_std, moved @ sensors.prior_root / UNITS[:, None]
     value = estimate.sensors.onto(estimate.sensors.blocks.sensors).values + solution.step_shared[own]
-    return Considered(seven @ seven.T, shift, value, parameter_std(solution.information, own, free))
+    return Considered(seven @ seven.T, shift, value, parameter_std(solution, own))
 
 
 def beyond_noise(solved: Solved, own: slice, values: FloatArray) -> IntArray:
     """Which of the parameters in columns `own` noise alone would not put as far off as they are. values: (N,)."""
     assert solved.minimum.solution is not None
-    std = parameter_std(solved.minimum.solution.information, own)
+    std = parameter_std(solved.minimum.solution, own)
     return np.flatnonzero(np.abs(values) > WORDING.off_sigmas * std)
 
 
-def parameter_std(information: FloatArray, own: slice, free: FloatArray | None = None) -> FloatArray:
-    """(N,) standard deviations of the parameters in columns `own`, everything else marginal. free: the other columns."""
-    others = np.setdiff1d(np.arange(len(information)), np.arange(own.start, own.stop)) if free is None else free
-    columns = np.concatenate([others, np.arange(own.start, own.stop)]).astype(np.int64)
-    variance = np.diag(covariance(information[np.ix_(columns, columns)]).matrix)
-    return np.asarray(np.sqrt(np.maximum(variance[len(others) :], 0.0)))
+def parameter_std(solution: ArrowSolution, own: slice) -> FloatArray:
+    """(N,) standard deviations of the parameters in columns `own`, everything else marginal but for what is frozen."""
+    return np.asarray(np.sqrt(np.maximum(np.diag(solution.covariance.matrix)[own], 0.0)))

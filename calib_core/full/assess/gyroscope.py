@@ -20,7 +20,6 @@ from calib_core.full.joint.state import ROTATION
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.geometry import quaternion_xyzw
 from calib_core.result import GyroscopeAxes
-from calib_core.solver.information import covariance
 from calib_core.types import FloatArray
 
 #: (3, 3) of N's yx, zx, zy: by how much they turn the mean axes.
@@ -55,7 +54,7 @@ def gyroscope_covariance(solved: Solved, sensors: Nuisance) -> tuple[FloatArray,
     """(3, 3) of the rotation into the gyroscope's axes and of that into the accelerometer's, about the lidar's, of noise and
     priors alone [rad2]."""
     assert solved.minimum.solution is not None
-    every = covariance(solved.minimum.solution.information).matrix
+    every = solved.minimum.solution.covariance.matrix
     start, R = solved.problem.layout(solved.estimate).nuisance().start, solved.estimate.R_imu_lidar
     turn = np.zeros((3, len(every)))
     turn[:, ROTATION] = np.eye(3)

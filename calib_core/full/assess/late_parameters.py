@@ -133,7 +133,7 @@ def still_show(solved: Solved) -> bool:
     if not blocks or solved.minimum.solution is None:
         return False
     start = solved.problem.layout(solved.estimate).nuisance().start
-    spread = covariance(solved.minimum.solution.information).matrix
+    spread = solved.minimum.solution.covariance.matrix
     for block in blocks:
         place, rule = solved.nuisance.places[block], _RULES[block]
         own, of = slice(start + place.start, start + place.stop), _directions(solved.nuisance, block)

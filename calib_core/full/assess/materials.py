@@ -10,7 +10,6 @@ from calib_core.full.assess.settings import WORDING
 from calib_core.full.joint.estimation import Solved
 from calib_core.full.prepare.nuisance import MATERIAL
 from calib_core.sigmas import two_digits
-from calib_core.solver.information import covariance
 from calib_core.types import FloatArray, IntArray
 
 
@@ -43,5 +42,5 @@ def told_materials(solved: Solved) -> tuple[tuple[str, str], ...]:
 def _std_m(solved: Solved, columns: IntArray) -> FloatArray:
     """Of the materials in these columns, with what parts of the recording disagree about each: one plane has many places."""
     assert solved.minimum.solution is not None
-    by_noise = np.diag(covariance(solved.minimum.solution.information).matrix)[columns]
+    by_noise = np.diag(solved.minimum.solution.covariance.matrix)[columns]
     return np.sqrt(np.maximum(by_noise, 0.0) + unexplained_variance(solved.problem, solved.estimate, columns, ()))

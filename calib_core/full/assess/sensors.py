@@ -60,7 +60,7 @@ def sensor_findings(
         assert solved.minimum.solution is not None
         start = solved.problem.layout(solved.estimate).nuisance().start
         own = slice(start, start + sensors.size)
-        by_noise = parameter_std(solved.minimum.solution.information, own)
+        by_noise = parameter_std(solved.minimum.solution, own)
         std = np.hypot(by_noise, np.sqrt(unexplained))
         wider = std > WORDING.counted * by_noise
         clock = solved.problem.sensors.clock_place

@@ -52,10 +52,9 @@ class LastView:
     def of(self, run: Run, motion: Motion, estimate: Estimate) -> View:
         """The scans under an estimate, laid out once however often they are asked for."""
         if self.view is None or self.view.estimate is not estimate:
-            before = self.view
-            self.view = view_of(run, motion, estimate)
+            before, self.view = self.view, view_of(run, motion, estimate)
             if before is not None:
-                self.view.few.update(before.few)
+                self.view = replace(self.view, few=before.few, shelf=before.shelf)
         return self.view
 
     def let_go(self) -> None:

@@ -23,6 +23,7 @@ from calib_core.factors.lidar_plane import SlicePoses
 from calib_core.full.joint.settings import CHAIN
 from calib_core.geometry.compiled import exp_into, multiply_into, turn_into
 from calib_core.imu.preintegration import UpsampledImu, gauss_nodes
+from calib_core.paged import paged
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Where in half a spacing its two Gauss points are, from the knot.
@@ -71,12 +72,17 @@ class Motion:
 
     def lidar_at(self, imu_s: FloatArray, R_imu_lidar: FloatArray, p_imu_lidar: FloatArray) -> SlicePoses:
         """The lidar's poses and body rates at instants of the IMU's clock."""
-        imu, n = self.at(imu_s), len(imu_s)
-        lidar = SlicePoses(np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), imu.usable)
-        _on_the_imu(
-            imu.R, imu.p, imu.v, imu.omega_rad_s, R_imu_lidar, p_imu_lidar,
-            lidar.R, lidar.p, lidar.omega_rad_s, lidar.v_m_s,
-        )  # fmt: skip
+        n = len(imu_s)
+        R, p, omega, v = paged((n, 3, 3), (n, 3), (n, 3), (n, 3))
+        lidar = SlicePoses(R, p, omega, v, np.empty(n, np.bool_))
+        for first in range(0, n, CHAIN.clusters_at_once):
+            some = slice(first, first + CHAIN.clusters_at_once)
+            imu = self.at(imu_s[some])
+            lidar.usable[some] = imu.usable
+            _on_the_imu(
+                imu.R, imu.p, imu.v, imu.omega_rad_s, R_imu_lidar, p_imu_lidar,
+                lidar.R[some], lidar.p[some], lidar.omega_rad_s[some], lidar.v_m_s[some],
+            )  # fmt: skip
         return lidar
 
 

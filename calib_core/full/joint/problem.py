@@ -16,6 +16,7 @@ from calib_core.full.joint.lidar_factors import LidarFactors
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.priors import Priors, prior_rows
 from calib_core.full.joint.sensors import SensorColumns
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import BiasNodes, Bins, Estimate, Layout, no_bins
 from calib_core.full.joint.unseen_directions import Unseen
 from calib_core.imu.preintegration import Links, NoiseDensity, UpsampledImu, preintegrate
@@ -80,12 +81,16 @@ class JointProblem:
 
     def cost(self, estimate: Estimate) -> float:
         """Half the sum of squares of everything."""
-        residual = link_residuals(
-            self.seen_links(estimate), estimate.states, estimate.gravity, *self.bias_changes(estimate)
-        )
+        links, changes, squares = self.seen_links(estimate), self.bias_changes(estimate), 0.0
+        count = len(links.DR)
+        for first in range(0, count, CHAIN.knots_at_once):
+            last = min(first + CHAIN.knots_at_once, count)
+            states, of = estimate.states.part(first, last + 1), (each[first:last] for each in changes)
+            residual = link_residuals(links.part(first, last), states, estimate.gravity, *of)
+            squares += float(np.sum(residual**2))
         lidar = self.lidar.cost(estimate)
         prior, _ = prior_rows(self.priors, self.nodes, estimate, self.layout(estimate))
-        return 0.5 * float(np.sum(residual**2) + lidar + np.sum(prior**2))
+        return 0.5 * float(squares + lidar + np.sum(prior**2))
 
     def moved(self, estimate: Estimate, solution: ArrowSolution) -> Estimate:
         """The estimate after a step."""

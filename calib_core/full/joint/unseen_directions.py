@@ -29,6 +29,7 @@ from calib_core.factors.imu import PLACE, VELOCITY, KnotStates
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import GRAVITY, Bins, Estimate
 from calib_core.imu.preintegration import Links, UpsampledImu
+from calib_core.paged import paged
 from calib_core.solver.system import ArrowPart
 from calib_core.types import FloatArray, IntArray
 
@@ -71,7 +72,8 @@ class Unseen:
         open_runs = [(first, last, free) for first, last, free in self.runs if free.shape[1] and last - first > 1]
         if not open_runs:
             return links
-        sqrt_info = links.sqrt_info.copy()
+        (sqrt_info,) = paged(links.sqrt_info.shape)
+        sqrt_info[:] = links.sqrt_info
         for first, last, free in open_runs:
             some = slice(first, last - 1)
             own, along = sqrt_info[some], np.swapaxes(R[some], 1, 2) @ free

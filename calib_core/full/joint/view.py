@@ -29,6 +29,7 @@ from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
 from calib_core.full.run import Clocks
+from calib_core.paged import Shelf, heed_pages
 from calib_core.settings import CalibrateSettings
 from calib_core.types import (
     POINT_DTYPE,
@@ -48,8 +49,8 @@ class View:
 
     poses: of the scans whose slices were laid out together (`lay_out`); others are computed as they are asked for.
     thinned: hits of thinned scans, for whoever asks next; of whole scans they would be too many to keep.   few: the points
-    of thinned scans, handed on from view to view.   apart: so many lasers are told apart beside the factors where they are taken
-    for ideal, 0 for none.
+    of thinned scans, which lie on the shelf; both are handed on from view to view.   apart: so many lasers are told apart beside
+    the factors where they are taken for ideal, 0 for none.
     """
 
     scans: Sequence[Scan]
@@ -61,6 +62,7 @@ class View:
     poses: dict[int, SlicePoses] = field(default_factory=dict)
     thinned: dict[tuple[object, ...], Hits] = field(default_factory=dict)
     few: dict[int, tuple[int, PointArray]] = field(default_factory=dict)
+    shelf: Shelf = field(default_factory=Shelf)
     apart: int = 0
 
     @property
@@ -74,7 +76,8 @@ class View:
             return self.scans[position].points
         last = self.few.get(position)
         if last is None or last[0] != stride:
-            last = self.few[position] = stride, self.scans[position].points[::stride].copy()
+            last = self.few[position] = stride, self.shelf.put(self.scans[position].points[::stride])
+        heed_pages(last[1].nbytes)
         return last[1]
 
     def lay_out(self, positions: Sequence[int]) -> None:
@@ -269,7 +272,9 @@ class View:
     def slice_poses(self, position: int) -> SlicePoses:
         """The lidar at the centres of a scan's slices."""
         self.lay_out([position])
-        return self.poses[position]
+        poses = self.poses[position]
+        heed_pages(poses.R.nbytes)
+        return poses
 
     def cloud(self, position: int, count: int) -> tuple[FloatArray, IntArray]:
         """About so many points of a scan, straightened, in the frame of the solve: (M, 3), and their places in it: (M,)."""

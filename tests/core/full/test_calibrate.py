@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,6 +13,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from calib_core import calibrate as page
+from calib_core import growing, paged
 from calib_core.api import propose_planes
 from calib_core.calibrate import Calibration, calibrate
 from calib_core.doctor.outlook import planes_report
@@ -153,6 +155,30 @@ def test_any_number_of_threads_gives_the_same_answer_bit_for_bit(
     solving = [e.fraction for e in told if e.stage == "solve"]
     assert len(set(solving)) > 5
     assert any(isinstance(e, LogEvent) and e.code == "imu.noise" for e in events)
+
+
+def test_arrays_in_files_whose_pages_are_given_back_give_the_same_answer_bit_for_bit(
+    noisy: tuple[Recording, Truth], calibrated: Calibration, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a recording of half an hour: everything that may lie in a file lies there, and is given back all the time.
+
+    Mutations: a shelf's arrays on top of one another; pages given back with what is written to them (private ones).
+    """
+    files: list[int] = []
+    monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", 0)
+    monkeypatch.setattr(paged, "_IN_MEMORY_BYTES", 0)
+    monkeypatch.setattr(paged, "_HELD_BYTES", 2**16)
+    of_a_file = paged._pages_of_a_file
+
+    def counted(n_bytes: int) -> mmap.mmap | None:
+        files.append(n_bytes)
+        return of_a_file(n_bytes)
+
+    monkeypatch.setattr(paged, "_pages_of_a_file", counted)
+    again = calibrate(noisy[0], CalibrateSettings())
+    assert len(files) > 20
+    first, second = (c.result.model_dump(exclude={"quality": {"duration_s"}}) for c in (calibrated, again))
+    assert first == second
 
 
 def test_standing_still_is_refused(short: Scenario) -> None:

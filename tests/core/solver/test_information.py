@@ -82,11 +82,16 @@ def test_a_part_of_it_is_that_part(some: slice, beside: float) -> None:
 
 
 def test_the_marginal_is_what_is_left_when_the_others_are_unknown() -> None:
-    """Oracle: the inverse of the block of the inverse. Mutation: take the block of the information itself."""
+    """Oracle: the inverse of the block of the inverse. With an unknown more of which nothing is known, the same.
+
+    Mutations: the block of the information itself; the others' own units left out; only what is all known has a marginal.
+    """
     information = known(3)
     expected = np.linalg.inv(np.linalg.inv(information)[:2, :2])
     np.testing.assert_allclose(marginal(information, 2), expected, rtol=1e-8)
     assert marginal(information, 2)[0, 0] < 0.9 * information[0, 0]
+    open_one = np.pad(information, (0, 1))
+    np.testing.assert_allclose(marginal(open_one, 2), expected, rtol=1e-8)
 
 
 @pytest.mark.parametrize("smallest", [1e-1, 1e-6, 1e-8, 1e-10, 1e-12, 0.0])
