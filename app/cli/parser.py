@@ -10,14 +10,14 @@ from app.cli.usage import Parser, megabytes, natural, positive, seconds
 from calib_core import __version__
 
 EPILOG = (
-    "Exit codes: 0 done, 2 the call or the input is at fault, 3 the recording cannot give the answer, 4 a defect, "
-    "130 interrupted."
+    "Exit codes: 0 done; 2 something is wrong with the command or its input; 3 the recording cannot give an answer; 4 a defect "
+    "of the program; 130 interrupted."
 )
 
 
 AUDIT_EPILOG = (
-    "Exit codes: 0 passed, 1 failed, 2 the call or the input is at fault, 3 the recording cannot tell, 4 a defect, 130 "
-    "interrupted."
+    "Exit codes: 0 passed; 1 failed; 2 something is wrong with the command or its input; 3 the recording cannot tell; 4 a defect "
+    "of the program; 130 interrupted."
 )
 
 
@@ -25,7 +25,7 @@ def build_parser() -> Parser:
     """The parser of the whole command line; `command` in what it returns names the command."""
     parser = Parser(
         prog="unsweep",
-        description="Lidar-inertial calibration from planes: one recording in, T_imu_lidar and the time offset out.",
+        description="Find how a 3D lidar sits on an IMU, and their time offset, from one recording of a place with planes.",
         epilog=EPILOG,
         allow_abbrev=False,
     )
@@ -63,12 +63,15 @@ def _add_serve(commands: Commands[Parser]) -> None:
     command.add_argument(
         "--recordings", type=Path, metavar="DIR", help="a folder whose recordings open without an upload"
     )
-    command.add_argument("--token", help="what every request must show; UNSWEEP_TOKEN does the same")
+    command.add_argument(
+        "--token",
+        help="secret that every request must carry; better given as UNSWEEP_TOKEN, which others on the machine cannot see",
+    )
     group = command.add_argument_group("beyond one machine")
     group.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="of a dask.distributed cluster whose workers run the jobs and see DIR under the same path, "
+        help="address of a dask.distributed scheduler whose workers run the jobs and see DIR under the same path, "
         "e.g. tcp://host:8786",
     )
     group.add_argument(
@@ -80,20 +83,20 @@ def _add_serve(commands: Commands[Parser]) -> None:
 
 
 def _add_inspect(commands: Commands[Parser]) -> None:
-    text = "Tell whether a recording can be calibrated: sensors, stamps, units, gaps, motion, forecast."
+    text = "Tell whether a recording can be calibrated: sensors, stamps, units, gaps, motion, expected accuracy."
     command = _command(commands, "inspect", text)
     add_recording(command)
-    command.add_argument("--json", action="store_true", help="the report as JSON")
+    command.add_argument("--json", action="store_true", help="print the report as JSON")
     add_reading(command)
     add_manner(command)
 
 
 def _add_calibrate(commands: Commands[Parser]) -> None:
-    text = "Find T_imu_lidar and the time offset. Whatever no option names is found in the recording."
+    text = "Find T_imu_lidar and the time offset. Whatever is not set by an option is detected in the recording."
     command = _command(commands, "calibrate", text)
     add_recording(command)
-    command.add_argument("--output", type=Path, metavar="FILE", help="where the result goes; without it, to stdout")
-    command.add_argument("--report", type=Path, metavar="FILE", help="a page to print and sign too, .html")
+    command.add_argument("--output", type=Path, metavar="FILE", help="where to write the result (stdout)")
+    command.add_argument("--report", type=Path, metavar="FILE", help="also write a report to read and print, .html")
     add_solving(command)
     add_reading(command)
     add_manner(command)
@@ -102,24 +105,33 @@ def _add_calibrate(commands: Commands[Parser]) -> None:
 def _add_calibrate_many(commands: Commands[Parser]) -> None:
     text = "Calibrate every recording of a folder or a list, on this machine or on a dask.distributed cluster."
     command = _command(commands, "calibrate-many", text)
-    command.add_argument("source", type=Path, metavar="FOLDER|LIST", help="a list has a path a line")
+    command.add_argument(
+        "source", type=Path, metavar="FOLDER|LIST", help="a folder of recordings, or a text file with one path per line"
+    )
     command.add_argument(
         "--output",
         type=Path,
         required=True,
         metavar="DIR",
-        help="gets NAME.json each and summary.csv, .json, .html; goes on, too",
+        help="folder for one NAME.json per recording and summary.csv, .json and .html; run again, it does what is missing",
     )
     group = command.add_argument_group("where, and how much of it")
-    group.add_argument("--workers", type=positive, metavar="N", help="recordings at a time on this machine (its cores)")
-    group.add_argument("--scheduler", metavar="ADDRESS", help="of a dask.distributed cluster, e.g. tcp://host:8786")
-    group.add_argument("--time-limit-s", type=seconds, metavar="S", help="most seconds for one recording")
+    group.add_argument(
+        "--workers",
+        type=positive,
+        metavar="N",
+        help="recordings calibrated at the same time on this machine (number of its cores)",
+    )
+    group.add_argument(
+        "--scheduler", metavar="ADDRESS", help="address of a dask.distributed scheduler, e.g. tcp://host:8786"
+    )
+    group.add_argument("--time-limit-s", type=seconds, metavar="S", help="give up a recording after so many seconds")
     group.add_argument(
         "--memory-limit-mb",
         type=megabytes,
         metavar="MB",
-        help="most memory that its process may fill; what is only allocated, or a file's, does not count. 20 s by hand "
-        "(VLP-16) take 350, 40 s from a quadrotor (OS1) 1050",
+        help="give up a recording whose process fills more memory than this. 20 s by hand (VLP-16) take 350, 40 s from a "
+        "quadrotor (OS1) 1050",
     )
     add_solving(command)
     add_reading(command)
@@ -127,32 +139,36 @@ def _add_calibrate_many(commands: Commands[Parser]) -> None:
 
 
 def _add_deskew(commands: Commands[Parser]) -> None:
-    text = "Remove the motion from every scan: points as seen from where the scan's first point was taken."
+    text = "Remove the motion distortion: every point as seen from where its scan's first point was taken."
     command = _command(commands, "deskew", text)
     add_recording(command)
     command.add_argument(
         "--calibration", type=Path, required=True, metavar="RESULT", help="a result of `unsweep calibrate`"
     )
     command.add_argument(
-        "--output", type=Path, required=True, metavar="OUT", help="a folder for clouds, or a bag of the same kind"
+        "--output",
+        type=Path,
+        required=True,
+        metavar="OUT",
+        help="a folder for one cloud per scan, or a recording of the same kind as the input",
     )
     command.add_argument(
-        "--cloud-format", choices=("ply", "pcd"), default="ply", help="of the files in a folder (%(default)s)"
+        "--cloud-format", choices=("ply", "pcd"), default="ply", help="format of the files in a folder (%(default)s)"
     )
     command.add_argument(
-        "--map", type=Path, metavar="FILE", help="write the accumulated map too, voxels of 5 cm: .ply or .pcd"
+        "--map", type=Path, metavar="FILE", help="also write the map of all scans, one point per 5 cm: .ply or .pcd"
     )
     command.add_argument(
         "--correct-lasers",
         action="store_true",
-        help="take out what the calibration found of the lasers, too, of scans and map: offsets and scales of ranges, angles",
+        help="also correct the ranges and angles of each laser by what the calibration found",
     )
     add_reading(command)
     add_manner(command)
 
 
 def _add_audit(commands: Commands[Parser]) -> None:
-    text = "Hold an extrinsic that is in use against a recording: is it still right, and would an error have shown."
+    text = "Check an extrinsic that is in use against a recording: whether it is still right, and how large an error would show."
     command = commands.add_parser("audit", help=text, description=text, epilog=AUDIT_EPILOG, allow_abbrev=False)
     add_recording(command)
     command.add_argument(
@@ -162,7 +178,7 @@ def _add_audit(commands: Commands[Parser]) -> None:
         metavar="FILE",
         help="a result, a URDF, settings of FAST-LIO or LIO-SAM (YAML), or a 4x4 matrix as text",
     )
-    command.add_argument("--json", action="store_true", help="the report as JSON")
+    command.add_argument("--json", action="store_true", help="print the report as JSON")
     command.add_argument(
         "--limits",
         type=Path,
@@ -173,7 +189,7 @@ def _add_audit(commands: Commands[Parser]) -> None:
         "--matrix-direction",
         choices=("imu_lidar", "lidar_imu"),
         default="imu_lidar",
-        help="of a bare matrix; imu_lidar takes lidar coordinates to the IMU's (%(default)s)",
+        help="direction of a matrix given as text; imu_lidar takes lidar coordinates to IMU coordinates (%(default)s)",
     )
     add_reading(command)
     add_manner(command)
@@ -183,34 +199,42 @@ def _add_export(commands: Commands[Parser]) -> None:
     from calib_core.api import export_names
 
     command = _command(
-        commands, "export", "Print the extrinsic, or what was found of the sensors, as another program wants it."
+        commands,
+        "export",
+        "Print the extrinsic, or the sensors' own parameters, in the form that another program reads.",
     )
     command.add_argument("result", type=Path, metavar="RESULT", help="a result of `unsweep calibrate`")
     command.add_argument("--format", required=True, metavar="NAME", help=f"one of {', '.join(export_names())}")
 
 
 def _add_simulate(commands: Commands[Parser]) -> None:
-    command = _command(commands, "simulate", "Write a recording whose truth is known, and the truth beside it.")
+    command = _command(commands, "simulate", "Simulate a recording, and write its true extrinsic beside it.")
     command.add_argument(
         "scenario",
         metavar="SCENARIO",
-        help="for example paper-normal, or handheld+os1 (behind another lidar); an unknown name lists them all",
+        help="for example paper-normal, or handheld+os1 for the same with another lidar. An unknown name lists all",
     )
-    command.add_argument("out", type=Path, metavar="OUT", help=".bag, .mcap, or without suffix a ROS 2 folder")
-    command.add_argument("--seed", type=natural, default=0, help="seed of the noise (%(default)s)")
-    command.add_argument("--mounting", metavar="X,Y,Z,QX,QY,QZ,QW", help="T_imu_lidar, metres and a unit quaternion")
     command.add_argument(
-        "--time-offset-s", type=float, metavar="S", help="added to IMU stamps it gives the lidar's clock"
+        "out", type=Path, metavar="OUT", help="a .bag or .mcap file, or a name without suffix for a ROS 2 folder"
+    )
+    command.add_argument("--seed", type=natural, default=0, help="seed of the noise (%(default)s)")
+    command.add_argument(
+        "--mounting", metavar="X,Y,Z,QX,QY,QZ,QW", help="the true T_imu_lidar: metres, and a unit quaternion"
+    )
+    command.add_argument(
+        "--time-offset-s", type=float, metavar="S", help="the true time offset: IMU stamps plus this are lidar stamps"
     )
     command.add_argument("--duration-s", type=float, metavar="S", help="length of the recording")
-    command.add_argument("--noise", choices=("none",), help="exact readings")
-    command.add_argument("--header-at", choices=("first", "last"), help="the packet that stamps a Velodyne cloud")
+    command.add_argument("--noise", choices=("none",), help="none: readings without noise")
+    command.add_argument(
+        "--header-at", choices=("first", "last"), help="which packet's time a Velodyne cloud carries in its header"
+    )
     command.add_argument(
         "--faults",
         default="",
         metavar="NAME[=SIZE],...",
-        help="what real sensors and rooms do: industrial, consumer, or for example laser-offsets=8mm,clock-rate; "
-        "an unknown name lists them all",
+        help="errors of real sensors and rooms: the profiles industrial or consumer, or single ones, for example "
+        "laser-offsets=8mm,clock-rate. An unknown name lists all",
     )
     add_manner(command)
 
