@@ -19,7 +19,7 @@ from calib_core.paged import give_back
 
 #: Room for the first parts; each time there is too little, twice as much.
 _FIRST_BYTES = 2**20
-#: A column that is larger goes to a file: that of a few minutes.
+#: What is larger, all columns together, goes to files: that of a minute or two.
 _IN_MEMORY_BYTES = 64 * 2**20
 
 
@@ -41,8 +41,10 @@ class Growing:
         if not self._columns:
             self._columns = tuple(_Column(part) for part in self._alone)
             self._alone = ()
-        for column, part in zip(self._columns, parts, strict=True):
-            column.append(part)
+        data = [column.octets(part) for column, part in zip(self._columns, parts, strict=True)]
+        large = sum(column.size for column in self._columns) + sum(map(len, data)) > _IN_MEMORY_BYTES
+        for column, own in zip(self._columns, data, strict=True):
+            column.append(own, to_file=large)
 
     def arrays(self) -> tuple[NDArray[Any], ...]:
         """The whole, by name, () where no record came; nothing can be appended then. Of one record its own arrays."""
@@ -54,13 +56,21 @@ class _Column:
 
     def __init__(self, first: NDArray[Any]) -> None:
         self._dtype, self._row = first.dtype, first.shape[1:]
-        self._store: _InMemory | _InFile = _InMemory()
+        self._store: _InMemory | _InFile = _InMemory(self.octets(first))
         self._has_disk = True
-        self.append(first)
 
-    def append(self, part: NDArray[Any]) -> None:
-        data = np.ascontiguousarray(part, self._dtype).tobytes() if part.size else b""
-        if self._has_disk and self._store.size and self._store.size + len(data) > _IN_MEMORY_BYTES:
+    @property
+    def size(self) -> int:
+        """Octets so far."""
+        return self._store.size
+
+    def octets(self, part: NDArray[Any]) -> bytes:
+        """Of a part, as numbers of the first one's kind."""
+        return np.ascontiguousarray(part, self._dtype).tobytes() if part.size else b""
+
+    def append(self, data: bytes, *, to_file: bool) -> None:
+        """to_file: all of it, from now on."""
+        if self._has_disk and to_file and self._store.size:  # an empty file has no pages
             try:
                 if isinstance(self._store, _InMemory):
                     self._store = _InFile(memoryview(self._store.pages())[: self._store.size])

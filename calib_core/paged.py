@@ -23,8 +23,8 @@ from numpy.typing import DTypeLike, NDArray
 from calib_core.errors import NO_ROOM
 from calib_core.types import FloatArray
 
-#: Arrays that are smaller, or put away together, stay in memory: those of some minutes.
-_IN_MEMORY_BYTES = 32 * 2**20
+#: Arrays that are smaller, or what is put away together, stay in memory: those of a minute or two.
+_IN_MEMORY_BYTES = 12 * 2**20
 #: So much is gone through before the pages of all files are given back.
 _HELD_BYTES = 32 * 2**20
 #: What is put away on a shelf shares files of this size.
@@ -44,6 +44,17 @@ def paged(*shapes: tuple[int, ...]) -> tuple[FloatArray, ...]:
         return tuple(np.zeros(shape) for shape in shapes)
     parts = np.split(np.frombuffer(pages, np.float64), np.cumsum(sizes)[:-1])
     return tuple(part.reshape(shape) for part, shape in zip(parts, shapes, strict=True))
+
+
+def set_aside(array: NDArray[Any]) -> NDArray[Any]:
+    """The same array (..); a copy of it where it is large."""
+    pages = None if array.nbytes <= _IN_MEMORY_BYTES else _pages_of_a_file(array.nbytes)
+    if pages is None:
+        return array
+    out = np.frombuffer(pages, array.dtype, array.size).reshape(array.shape)
+    out[...] = array
+    heed_pages(array.nbytes)
+    return out
 
 
 class Shelf:

@@ -49,10 +49,18 @@ def workers() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(usual_threads(), thread_name_prefix="calib_core")
 
 
-def in_parts(count: int, job: Callable[[int, int], object]) -> None:
-    """The job on rows first..last (exclusive) of so many, in as many parts on any machine; all are done when this returns."""
+def in_parts(count: int, job: Callable[[int, int], object], at_once: int) -> None:
+    """The job on rows first..last (exclusive) of so many, in as many parts on any machine; all are done when this returns.
+
+    at_once: rows that the job is given at a time, at most.
+    """
     edges = [(count * part) // MOST_THREADS for part in range(MOST_THREADS + 1)]
-    for part in [workers().submit(job, first, last) for first, last in pairwise(edges) if first < last]:
+
+    def some(first: int, last: int) -> None:
+        for begin in range(first, last, at_once):
+            job(begin, min(begin + at_once, last))
+
+    for part in [workers().submit(some, first, last) for first, last in pairwise(edges) if first < last]:
         part.result()
 
 

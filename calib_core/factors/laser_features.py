@@ -287,7 +287,7 @@ def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray, p
     def of_clusters(first: int, last: int) -> None:
         features_crossed_kernel(factors.clusters(first, last), a, by_feature, crossed[first:last])
 
-    in_parts(len(crossed), of_clusters)
+    in_parts(len(crossed), of_clusters, _AT_ONCE)
     moved = by_feature[factors.of_laser]
     own = np.einsum("gf,gfe,ge->g", moved, factors.grams, moved, optimize=True)
     of_planes = np.bincount(plane[factors.bin], 2.0 * crossed, planes) + np.bincount(factors.of_plane, own, planes)

@@ -36,7 +36,7 @@ from calib_core.factors.kernels import (
 )
 from calib_core.factors.support import CELL_M, HALF_CELLS, PlaneExtents
 from calib_core.geometry import plane_axes
-from calib_core.paged import heed_pages
+from calib_core.paged import heed_pages, paged
 from calib_core.types import BoolArray, Float32Array, FloatArray, IntArray
 
 SLICE_S = 0.002
@@ -329,11 +329,11 @@ def move_and_sum(
     key: (B,).   Returns the keys in order (K,) and the sums (K, 5, 5).
     """
     keys, place = distinct(key)
-    total = np.zeros((len(keys), 5, 5))
+    (total,) = paged((len(keys), 5, 5))
     for first in range(0, len(key), _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
         part = scatter[some] if rows is None else scatter[rows[some]]
-        heed_pages(part.nbytes)
+        heed_pages(2 * part.nbytes)
         move_and_sum_kernel(part, R, p, pose[some], place[some], total)
     return keys, total
 

@@ -29,6 +29,7 @@ import numpy as np
 
 from calib_core.geometry import exp, hat
 from calib_core.imu.preintegration import UpsampledImu
+from calib_core.paged import heed_pages, paged, set_aside
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Elements of a matrix, by row and column.
@@ -93,9 +94,9 @@ def corrected(readings: UpsampledImu, intrinsics: ImuIntrinsics) -> UpsampledImu
         knot_accel = knot_accel - felt_beside(knot_rate, knot_slope) @ intrinsics.size_effect
     found = replace(
         readings,
-        gyro=(readings.gyro - accel @ F.T) @ G.T,
+        gyro=set_aside((readings.gyro - accel @ F.T) @ G.T),
         knot_gyro=(readings.knot_gyro - knot_accel @ F.T) @ G.T,
-        accel=accel,
+        accel=set_aside(accel),
         knot_accel=knot_accel,
     )
     if intrinsics.low_pass_spread.any() or intrinsics.low_pass_skew.any():
@@ -173,6 +174,7 @@ class BiasEquivalents:
     def of_links(self, first: int, last: int) -> tuple[FloatArray, FloatArray]:
         """Gyroscope, accelerometer: (.., 3, n) each, of the links first..last (exclusive)."""
         own = self.own[:, first:last].transpose(1, 2, 0)
+        heed_pages(own.nbytes)
         accel = np.where(self.of_accel, own, 0.0)
         return np.where(self.of_accel, 0.0, own) + self.gyro_D_accel @ accel, accel
 
@@ -180,18 +182,20 @@ class BiasEquivalents:
         """What values (n,) are as biases: gyroscope, accelerometer, (L, 3) each."""
         each = np.stack([np.where(self.of_accel, 0.0, values), np.where(self.of_accel, values, 0.0)])
         gyro, accel = np.tensordot(each, self.own, 1)
+        heed_pages(self.own.nbytes)
         return gyro + accel @ self.gyro_D_accel.T, accel
 
 
 def bias_equivalents(readings: UpsampledImu, intrinsics: ImuIntrinsics, asked: IntArray) -> BiasEquivalents:
     """Of these parameters, by their places among all. readings: corrected about the intrinsics."""
     G, F = np.linalg.inv(intrinsics.gyro), intrinsics.g_sensitivity.reshape(3, 3)
-    own = np.empty((len(asked), len(readings.gyro), 3))
+    (own,) = paged((len(asked), len(readings.gyro), 3))
     first = 0
     for count, make in _families(readings, intrinsics):
         mine = np.flatnonzero((asked >= first) & (asked < first + count))
         if mine.size:
             own[mine] = make()[asked[mine] - first]
+            heed_pages(own[0].nbytes * len(mine))
         first += count
     return BiasEquivalents(own, _OF_ACCEL[asked], -(G @ F))
 

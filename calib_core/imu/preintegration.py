@@ -209,8 +209,9 @@ def _asked(
     order = np.argsort(query, kind="stable")
     hyper = interpolating(hyper, float(np.median(np.diff(stamps_s))))
     sorted_mean, sorted_var = windowed_posterior(stamps_s, values, query[order] + later_s, hyper)
-    mean, var = np.empty_like(sorted_mean), np.empty_like(sorted_var)
+    mean, var = paged(sorted_mean.shape, sorted_var.shape)
     mean[order], var[order] = sorted_mean, sorted_var
+    heed_pages(mean.nbytes + var.nbytes)
     shape = (links, -1, values.shape[1])
     return mean[: gauss.size].reshape(shape), mean[gauss.size :], var[: gauss.size].reshape(shape)
 
@@ -236,15 +237,14 @@ def preintegrate(up: UpsampledImu, gyro_bias: FloatArray, accel_bias: FloatArray
     accel_density2 = noise.accel_m_s2_sqrt_hz**2 + up.excess_density2[:, 3:]
 
     def one(first: int, last: int) -> None:
-        for begin in range(first, last, _LINKS_AT_ONCE):
-            some = slice(begin, min(begin + _LINKS_AT_ONCE, last))
-            own = [array[some] for array in filled]
-            gyro, accel = np.ascontiguousarray(up.gyro[some]), np.ascontiguousarray(up.accel[some])
-            preintegrate_kernel(up.spacing_s, gyro, accel, gyro_bias[some], accel_bias[some], *own[:-1])
-            sqrt_info_kernel(up.spacing_s, gyro_density2[some], accel_density2[some], force[some], own[-1])
-            heed_pages(sum(array.nbytes for array in own))
+        some = slice(first, last)
+        own = [array[some] for array in filled]
+        gyro, accel = np.ascontiguousarray(up.gyro[some]), np.ascontiguousarray(up.accel[some])
+        preintegrate_kernel(up.spacing_s, gyro, accel, gyro_bias[some], accel_bias[some], *own[:-1])
+        sqrt_info_kernel(up.spacing_s, gyro_density2[some], accel_density2[some], force[some], own[-1])
+        heed_pages(sum(array.nbytes for array in own))
 
-    in_parts(count, one)
+    in_parts(count, one, _LINKS_AT_ONCE)
     links = Links(up.spacing_s, *filled)
     links.sqrt_info[~up.linked] = 0.0
     return links

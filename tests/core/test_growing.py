@@ -83,6 +83,28 @@ def test_what_is_large_lies_in_a_file_and_its_pages_are_given_back(monkeypatch: 
     np.testing.assert_array_equal(number, expected)
 
 
+def test_columns_that_are_large_together_go_to_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small ones too, from the part on with which they are; none before. Mutations: each column by its own size; the part that is
+    about to come not counted.
+    """
+    parts = [Record(np.full(100, k), np.full((100, 3, 2), k, np.float32)) for k in range(3)]
+    n_bytes = 2 * sum(part.number.nbytes + part.moment.nbytes for part in parts[:1])
+    monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", n_bytes)
+    for count, files in ((2, 0), (3, 2)):
+        made: list[object] = []
+        in_file = growing._InFile
+        monkeypatch.setattr(
+            growing, "_InFile", lambda first, made=made, kind=in_file: made.append(first) or kind(first)
+        )
+        grown = Growing("number", "moment")
+        for part in parts[:count]:
+            grown.append(part)
+        monkeypatch.setattr(growing, "_InFile", in_file)
+        assert len(made) == files
+        for name, array in zip(("number", "moment"), grown.arrays(), strict=True):
+            np.testing.assert_array_equal(array, np.concatenate([getattr(part, name) for part in parts[:count]]))
+
+
 @pytest.mark.parametrize(("full_at", "number"), [(0, errno.ENOSPC), (1, errno.EDQUOT), (3, errno.EFBIG)])
 def test_where_the_disk_is_full_all_stays_in_memory(full_at: int, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """From the first write on, or later; or a file may not be larger. Mutations: an error; what the file held lost; written to

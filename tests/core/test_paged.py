@@ -5,12 +5,14 @@ from __future__ import annotations
 import errno
 import gc
 import mmap
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from calib_core import paged as module
-from calib_core.paged import Shelf, heed_pages, paged
+from calib_core.paged import Shelf, heed_pages, paged, set_aside
 from calib_core.types import POINT_DTYPE
 from tests.core.held_pages import held_of_files_kb
 
@@ -50,6 +52,19 @@ def test_pages_are_given_back_after_so_much_and_nothing_is_lost(monkeypatch: pyt
     heed_pages(2**21 + 1)
     np.testing.assert_array_equal(np.abs(numbers), np.arange(300_000))
     assert (numbers < 0).sum() == 299
+
+
+@pytest.mark.parametrize("of", [np.arange(40_000), np.arange(40_000.0).reshape(-1, 4)[::2], np.ones((0, 3))])
+def test_what_is_set_aside_is_the_same_in_a_file(of: NDArray[Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it is large; else it is the array itself. Mutations: zeros; numbers of another kind; small ones in files too."""
+    monkeypatch.setattr(module, "_IN_MEMORY_BYTES", of.nbytes)
+    assert set_aside(of) is of
+    monkeypatch.setattr(module, "_IN_MEMORY_BYTES", max(of.nbytes - 1, 0))
+    before_kb = held_of_files_kb()
+    kept = set_aside(of)
+    np.testing.assert_array_equal(kept, of)
+    assert (kept.dtype, kept.shape) == (of.dtype, of.shape)
+    assert (held_of_files_kb() > before_kb) == (of.size > 0)
 
 
 def test_what_is_put_on_a_shelf_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:

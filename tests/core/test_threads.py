@@ -73,16 +73,19 @@ def _child(before: object) -> int:
 
 
 @pytest.mark.parametrize("count", [0, 1, 3, 4, 5, 1000])
-def test_rows_in_parts_are_each_done_once(count: int) -> None:
-    """Mutations: the last row left out; parts that overlap; parts not waited for."""
-    done = np.zeros(count, np.int64)
+@pytest.mark.parametrize("at_once", [1, 7, 10_000])
+def test_rows_in_parts_are_each_done_once(count: int, at_once: int) -> None:
+    """Mutations: the last row left out; parts that overlap; parts not waited for; more rows at once than asked for."""
+    done, most = np.zeros(count, np.int64), [0]
 
     def one(first: int, last: int) -> None:
-        time.sleep(0.001)
+        time.sleep(0.0001)
         done[first:last] += 1
+        most.append(last - first)
 
-    in_parts(count, one)
+    in_parts(count, one, at_once)
     assert (done == 1).all()
+    assert max(most) <= at_once
 
 
 def test_what_goes_wrong_in_a_part_is_told() -> None:
@@ -93,4 +96,4 @@ def test_what_goes_wrong_in_a_part_is_told() -> None:
             raise ValueError(first)
 
     with pytest.raises(ValueError, match="75"):
-        in_parts(100, one)
+        in_parts(100, one, 1000)

@@ -21,6 +21,7 @@ from calib_core.factors.laser_assembly import (
 from calib_core.factors.laser_features import feature_changes, features_squares
 from calib_core.factors.planes_seen import COLUMNS, OF_CALIBRATION, OF_CLOCK, OF_KNOT, OF_PLANE, planes_seen_kernel
 from calib_core.full.joint.sensors import SensorColumns
+from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Bins, Estimate, Layout
 from calib_core.geometry import exp, plane_axes
 from calib_core.imu.preintegration import UpsampledImu
@@ -182,7 +183,7 @@ class LidarFactors:
                 of = lasers.clusters(first, last)
                 moved[first:last] = np.einsum("bf,bf->b", change[of.laser], of.cross[:, :, 3])
 
-            in_parts(len(moved), of_clusters)
+            in_parts(len(moved), of_clusters, CHAIN.clusters_at_once)
             total += self._by_bin(moved)
         return total
 

@@ -20,6 +20,7 @@ from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import Bins, Estimate, no_bins
 from calib_core.growing import Growing
+from calib_core.paged import heed_pages, paged, set_aside
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -46,6 +47,7 @@ class LaserMicro:
         of = self.sums
         for each in (self.time_s, self.scan, of.group, of.plane, of.laser, of.cross, of.gram):
             each[moved] = each[order[moved]]
+            heed_pages(each.nbytes)
 
     def part(self, some: slice | IntArray) -> LaserMicro:
         """Some of them."""
@@ -136,13 +138,14 @@ def to_knots(
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """What takes hits of instants of the lidar's clock (S,) to their knots (S,): R (S, 3, 3), p (S, 3); and whether the motion is
     known there, (S,). Some instants at a time: whole, their poses would be most of what gathering holds."""
-    R, p, usable = np.empty((len(knot), 3, 3)), np.empty((len(knot), 3)), np.empty(len(knot), np.bool_)
+    (R, p), usable = paged((len(knot), 3, 3), (len(knot), 3)), np.empty(len(knot), np.bool_)
     knots = motion.lidar_at(motion.readings.knots_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
     for first in range(0, len(knot), CHAIN.clusters_at_once):
         some = slice(first, first + CHAIN.clusters_at_once)
         poses = motion.lidar_at(time_s[some] - estimate.time_offset_s, estimate.R_imu_lidar, estimate.p_imu_lidar)
         R[some], p[some] = poses.seen_from(knots, knot[some])
         usable[some] = poses.usable
+        heed_pages(R[some].nbytes + p[some].nbytes)
     return R, p, usable
 
 
@@ -158,6 +161,16 @@ def agreeing(scatter: FloatArray, lasers: LaserFactors) -> FloatArray:
     sums = np.zeros((len(scatter), 4))
     for first in range(0, len(lasers.laser), CHAIN.clusters_at_once):
         add_ones_kernel(lasers.clusters(first, first + CHAIN.clusters_at_once), sums)
+    (out,) = paged(scatter.shape)
+    for first in range(0, len(out), CHAIN.clusters_at_once):
+        part = slice(first, first + CHAIN.clusters_at_once)
+        out[part] = _about_means(scatter[part], sums[part])
+        heed_pages(2 * out[part].nbytes)
+    return out
+
+
+def _about_means(scatter: FloatArray, sums: FloatArray) -> FloatArray:
+    """Scatter matrices (B, 5, 5) shifted to the mean hits of these sums (B, 4), where there are any."""
     some = sums[:, 3] > 0.0
     shift = np.zeros((len(scatter), 3))
     shift[some] = sums[some, :3] / sums[some, 3, None] - scatter[some, 3, :3] / scatter[some, 3, 3, None]
@@ -185,7 +198,8 @@ def gather_lasers(
         micro, key, of_group = micro.part(use), key[use], of_group[use]
     sums = micro.sums
     grams = summed_grams(sums.gram, sums.plane, sums.laser)
-    return LaserFactors(np.searchsorted(bins, key), sums.laser, sums.cross, sums.gram, of_group, R, p, *grams)
+    bin_of, pose = set_aside(np.searchsorted(bins, key)), set_aside(of_group)
+    return LaserFactors(bin_of, sums.laser, sums.cross, sums.gram, pose, R, p, *grams)
 
 
 def in_order(key: IntArray, usable: BoolArray) -> IntArray | None:

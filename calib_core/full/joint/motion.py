@@ -23,7 +23,7 @@ from calib_core.factors.lidar_plane import SlicePoses
 from calib_core.full.joint.settings import CHAIN
 from calib_core.geometry.compiled import exp_into, multiply_into, turn_into
 from calib_core.imu.preintegration import UpsampledImu, gauss_nodes
-from calib_core.paged import paged
+from calib_core.paged import heed_pages, paged
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Where in half a spacing its two Gauss points are, from the knot.
@@ -83,6 +83,7 @@ class Motion:
                 imu.R, imu.p, imu.v, imu.omega_rad_s, R_imu_lidar, p_imu_lidar,
                 lidar.R[some], lidar.p[some], lidar.omega_rad_s[some], lidar.v_m_s[some],
             )  # fmt: skip
+            heed_pages(2 * lidar.R[some].nbytes)
         return lidar
 
 

@@ -19,9 +19,13 @@ from calib_core.calibrate import Calibration, calibrate
 from calib_core.doctor.outlook import planes_report
 from calib_core.errors import Cancelled, Refused, SettingsError
 from calib_core.events import PLANNED, Event, IterationEvent, LogEvent, StageEvent
+from calib_core.factors import laser_features, lidar_plane
 from calib_core.final_messages import with_doubts_settled
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT
+from calib_core.full.joint import lidar_factors, moments, motion
+from calib_core.full.joint.settings import CHAIN
 from calib_core.geometry import log
+from calib_core.imu import preintegration
 from calib_core.method import Question
 from calib_core.readers.imu.units import detect_accelerometer_unit
 from calib_core.result import CalibrationResult, Message
@@ -160,14 +164,21 @@ def test_any_number_of_threads_gives_the_same_answer_bit_for_bit(
 def test_arrays_in_files_whose_pages_are_given_back_give_the_same_answer_bit_for_bit(
     noisy: tuple[Recording, Truth], calibrated: Calibration, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """As of a recording of half an hour: everything that may lie in a file lies there, and is given back all the time.
+    """As of a recording of half an hour: everything that may lie in a file lies there, is given back all the time, and is gone
+    through a few rows at a time.
 
-    Mutations: a shelf's arrays on top of one another; pages given back with what is written to them (private ones).
+    Mutations: a shelf's arrays on top of one another; pages given back with what is written to them (private ones); of instants,
+    or of means of hits, the first few alone; links made from the first few on.
     """
     files: list[int] = []
     monkeypatch.setattr(growing, "_IN_MEMORY_BYTES", 0)
     monkeypatch.setattr(paged, "_IN_MEMORY_BYTES", 0)
     monkeypatch.setattr(paged, "_HELD_BYTES", 2**16)
+    for module in (moments, motion, lidar_factors):
+        monkeypatch.setattr(module, "CHAIN", replace(CHAIN, clusters_at_once=97))
+    monkeypatch.setattr(preintegration, "_LINKS_AT_ONCE", 13)
+    monkeypatch.setattr(laser_features, "_AT_ONCE", 97)
+    monkeypatch.setattr(lidar_plane, "_AT_ONCE", 97)
     of_a_file = paged._pages_of_a_file
 
     def counted(n_bytes: int) -> mmap.mmap | None:
