@@ -272,7 +272,7 @@ def feature_changes(change: FloatArray, features: int) -> FloatArray:
     out = np.zeros((len(change), FEATURES + SHARES, *change.shape[2:]))
     for column, feature in enumerate(OF_COLUMN):
         out[:, feature] += SIGN[column] * change[:, column]
-    return out[:, :features]
+    return np.ascontiguousarray(out[:, :features])  # loops are compiled anew for every layout
 
 
 def features_squares(factors: LaserFactors, a: FloatArray, change: FloatArray, plane: IntArray) -> FloatArray:

@@ -10,20 +10,8 @@ import pytest
 from app.arrays.folder import CHECKSUMS, DamagedArrays, discard, verify, whole_folder
 from app.arrays.recording import has_recording, read_recording, write_recording
 from tests.app.support import world
+from tests.app.support.damage import cut, overwrite
 from tests.app.support.live import serving
-
-
-def overwrite(path):
-    """Some bytes in the middle of the file, its size and all else as it was."""
-    content = bytearray(path.read_bytes())
-    middle = len(content) // 2
-    content[middle : middle + 64] = bytes(byte ^ 0xFF for byte in content[middle : middle + 64])
-    path.write_bytes(content)
-
-
-def cut(path):
-    """The second half gone."""
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
 def remove(path):

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
+from tests.app.support.damage import cut, overwrite
 from tests.app.support.live import serving
-from tests.app.test_damaged_arrays import cut, overwrite
 
 
 @pytest.fixture

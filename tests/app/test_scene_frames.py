@@ -14,10 +14,9 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from app.scene.messages import LONGEST_BYTES, admitted
-from tests.app.test_scene_door import CAMERA, CLICK, POINTER
+from bench.fuzz_scene import CAMERA, CLICK, POINTER
+from tests.bench.fuzz_counts import SCENE_FRAMES
 
-#: Messages of a run.
-TRIED = 400
 KINDS = {"ViewerCameraMessage", "SceneNodeClickMessage", "ScenePointerMessage"}
 ODD = st.one_of(
     st.none(),
@@ -58,7 +57,7 @@ def numbers(value):
     return [value] if isinstance(value, (int, float)) and not isinstance(value, bool) else []
 
 
-@settings(max_examples=TRIED, deadline=None)
+@settings(max_examples=SCENE_FRAMES, deadline=None)
 @given(MESSAGES)
 @example(msgspec.msgpack.encode(CAMERA | {"position": (math.inf, 0.0, 0.0)}))
 @example(msgspec.msgpack.encode(CLICK | {"owner": "somebody"}))

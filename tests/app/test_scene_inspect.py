@@ -12,32 +12,21 @@ from pydantic import ValidationError
 from app.planes import palette
 from app.results.thickness import measure_thickness
 from app.scene.aim import stand
-from app.scene.build import Solved, build_unsolved
-from app.scene.camera import Camera
+from app.scene.build import build_unsolved
 from app.scene.compose import _motions
 from app.scene.converge import build_converging, steady_up
-from app.scene.inspect import Look, Motions, build_inspection
+from app.scene.inspect import build_inspection
 from app.scene.items import Axes, Cloud, Label, Line
 from app.scene.nudge import nudged, with_old
 from app.scene.wipe import left_of
 from app.schemas.view import Nudge, OldExtrinsic, ViewState
 from calib_core.events import IterationEvent, PlaneResidual, SweepMotion
 from tests.app.support import world
-
-RECORDING = world.make_recording()
-SOLVED = Solved(world.make_trajectory(), world.plane_quality(), [0, 1, 2, 3, 4, 5], world.transform_matrix(), 0.004)
-MOTIONS = Motions(SOLVED, SOLVED.trajectory, None)
-LOOK = Look(place=5, show="both", against="raw", extent="scan", color_by="plane", wipe=0.5, limit=100_000)
+from tests.app.support.inspection import LOOK, MOTIONS, RECORDING, SOLVED, seen_from_above
 
 
 def clouds_of(content):
     return {item.path: item for item in content.items if isinstance(item, Cloud)}
-
-
-def seen_from_above(aspect=2.0):
-    """A camera 10 m above the room, looking down, its right along the room's x: R's columns are right, down, forward."""
-    R = np.array([[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]])
-    return Camera(R, np.array([0.0, 0.0, 10.0]), np.pi / 2, aspect)
 
 
 def test_deskewed_points_lie_where_the_room_was_and_raw_ones_do_not():

@@ -12,7 +12,7 @@ from app.scene.build import build_planes
 from app.scene.inspect import build_inspection
 from app.scene.readout import Readout, lean, read_out
 from tests.app.support import world
-from tests.app.test_scene_inspect import LOOK, MOTIONS, RECORDING, seen_from_above
+from tests.app.support.inspection import LOOK, MOTIONS, RECORDING, seen_from_above
 
 #: Seen from 10 m above with 90 degrees and twice as wide as high: 40 m by 20 m at the ground.
 CAMERA = seen_from_above()

@@ -17,7 +17,7 @@ from bench.bound.eliminate import covariance_of_last, stepped
 from bench.bound.lidar import Faces, Returns, faces_of, returns_of, rows_of
 from bench.bound.model import Columns
 from bench.bound.motion import ImuNoise, drawn_noise, noise_back, steps_back
-from calib_core.simulate import SCENARIOS, Simulation, prepare
+from calib_core.simulate import SCENARIOS, Scenario, Simulation, prepare
 from calib_core.simulate.sensors import Spinning
 
 COLUMNS = Columns(biases_walk=False, planes=6)
@@ -263,16 +263,22 @@ def test_noise_of_the_imu_that_was_drawn_is_undone(simulation: Simulation) -> No
     np.testing.assert_allclose(grown[3:6], pushed, atol=0.02 * np.abs(pushed).max())
 
 
+def of_few_columns(share: int) -> Scenario:
+    """Fast motion, seen by one of so many columns."""
+    scenario = SCENARIOS["paper-fast"]
+    pattern = scenario.lidar.pattern
+    assert isinstance(pattern, Spinning)
+    few = replace(pattern, column_period_ns=share * pattern.column_period_ns)
+    return replace(scenario, lidar=replace(scenario.lidar, pattern=few), duration_s=4.0)
+
+
 @pytest.mark.slow
 def test_the_efficient_estimate_errs_as_the_bound_says() -> None:
     """Chi-square of 20 recordings with walking biases. Mutations: leave out what one of the sensors drew (too small), scale
     it by the step instead of its root (too large).
     """
-    lidar = SCENARIOS["paper-fast"].lidar
-    assert isinstance(lidar.pattern, Spinning)
-    few = replace(lidar, pattern=replace(lidar.pattern, column_period_ns=16 * lidar.pattern.column_period_ns))
     imu = replace(SCENARIOS["paper-fast"].imu, gyroscope_random_walk=1e-3, accelerometer_random_walk=1e-2)
-    scenario = replace(SCENARIOS["paper-fast"], lidar=few, imu=imu, duration_s=5.0, gravity_m_s2=9.807)
+    scenario = replace(of_few_columns(16), imu=imu, duration_s=5.0, gravity_m_s2=9.807)
     nees = []
     for seed in range(20):
         bound = bound_of(scenario, seed=seed, assumed=Assumptions(step_s=0.005))
@@ -283,11 +289,10 @@ def test_the_efficient_estimate_errs_as_the_bound_says() -> None:
 
 def test_what_is_known_helps_and_what_is_left_out_costs() -> None:
     """Fails if what is held as known still costs something, or its columns are those of something else."""
-    free = bound_of("paper-fast", duration_s=4.0, assumed=Assumptions(step_s=0.02))
-    held = bound_of(
-        "paper-fast", duration_s=4.0, assumed=Assumptions(step_s=0.02, known=("planes", "gravity", "biases"))
-    )
-    gated = bound_of("paper-fast", duration_s=4.0, assumed=Assumptions(step_s=0.02, margin_m=0.12, min_cosine=0.1))
+    scenario = of_few_columns(8)
+    free = bound_of(scenario, assumed=Assumptions(step_s=0.02))
+    held = bound_of(scenario, assumed=Assumptions(step_s=0.02, known=("planes", "gravity", "biases")))
+    gated = bound_of(scenario, assumed=Assumptions(step_s=0.02, margin_m=0.12, min_cosine=0.1))
     assert gated.points < free.points
     assert np.all(np.linalg.eigvalsh(gated.covariance - free.covariance) > -1e-12)
     assert np.all(np.linalg.eigvalsh(free.covariance - held.covariance) > -1e-12)

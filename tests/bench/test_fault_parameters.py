@@ -15,7 +15,7 @@ from bench.readme import real_table
 from bench.tables import append_row
 from calib_core.simulate.faults import PROFILES
 from calib_core.types import FloatArray
-from tests.bench.test_fault_runs import ORDER, drawn
+from tests.bench.fault_draws import ORDER, drawn
 
 CAMPAIGN = Campaign("handheld", "industrial", 30.0, "", "test")
 STD = 3e-4

@@ -17,7 +17,6 @@ from bench.fault_runs import (
     TABLE,
     Campaign,
     FaultParameter,
-    FaultRun,
     parameters_of,
     read_fault_runs,
     run_of,
@@ -27,31 +26,9 @@ from bench.statistics import BIAS_SIGMAS, bias_text
 from bench.tables import append_row
 from calib_core.result import CalibrationResult
 from calib_core.simulate import SCENARIOS, Scenario, Truth, parse_faults, prepare
+from tests.bench.fault_draws import ORDER, drawn
 
 CAMPAIGN = Campaign("handheld", "industrial", 30.0, "", "test")
-ORDER = ["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
-
-
-def drawn(shift: float = 0.0, scale: float = 1.0, n: int = 200) -> list[FaultRun]:
-    """Runs whose errors have the stated sigmas, but for a shift along ty and a factor."""
-    rng = np.random.default_rng(3)
-    stds = np.array([1e-4, 2e-4, 3e-4, 1e-3, 2e-3, 3e-3, 1e-5])
-    runs = []
-    for seed in range(n):
-        scaled = scale * rng.standard_normal(7) + shift * np.eye(7)[4]
-        runs.append(
-            FaultRun(
-                *("handheld", "industrial", 30.0, "", "test"),
-                seed,
-                "calibrated",
-                "",
-                tuple(scaled * stds),
-                tuple(stds),
-                float(scaled @ scaled),
-                1.0,
-            )
-        )
-    return runs
 
 
 def test_a_bias_shows_that_the_square_hides() -> None:

@@ -11,10 +11,8 @@ from app.scene.messages import admitted
 from bench import fuzz_archives, fuzz_files, fuzz_scene
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.archive import unpack_archive
-from tests.app.test_scene_frames import TRIED
-from tests.bench.test_fuzz_http import REQUESTS
+from tests.bench.fuzz_counts import FILES, REQUESTS, SCENE_FRAMES
 
-FILES = 3600
 #: What every run tries at least, by what is promised.
 IN_EACH_RUN = 5000
 
@@ -27,7 +25,7 @@ def test_thousands_of_spoilt_bytes_find_no_defect(tmp_path):
     found = fuzz_files.run(FILES, 1, tmp_path)
     assert found.defects == []
     assert found.inputs == FILES
-    assert found.inputs + REQUESTS + TRIED >= IN_EACH_RUN  # beside the machines and the clouds' own decoders
+    assert found.inputs + REQUESTS + SCENE_FRAMES >= IN_EACH_RUN  # beside the machines and the clouds' own decoders
     # Neither door is always shut or always open.
     assert all(found.outcomes[name]["taken"] > 20 for name in fuzz_files.KINDS)
     assert all(found.outcomes[name]["refused"] > 100 for name in fuzz_files.KINDS if name != "definitions")

@@ -6,8 +6,7 @@ from contextlib import closing
 
 from bench.fuzz_http import Fuzzer
 from bench.still_server import server_of_its_own
-
-REQUESTS = 1000
+from tests.bench.fuzz_counts import REQUESTS
 
 
 def test_a_thousand_senseless_requests_find_no_defect(tmp_path, caplog):

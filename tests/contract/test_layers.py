@@ -212,6 +212,17 @@ def test_a_server_starts_without_what_only_answers_need():
         assert not eager & {"scipy", "open3d", "alembic"}, path
 
 
+def test_no_test_needs_another_ones_module():
+    """What two of them share is in a module of its own. Mutation: an import of a helper beside the tests that it was made for."""
+    shared = [
+        f"{path.relative_to(ROOT)}: {name}"
+        for path in sorted((ROOT / "tests").rglob("*.py"))
+        for name, _ in imports_of(path)
+        if name.startswith("tests.") and any(part.startswith("test_") for part in name.split("."))
+    ]
+    assert shared == []
+
+
 def test_every_part_of_the_library_is_in_the_table():
     """Mutation: a new package nobody placed."""
     parts = {core_part(path) for path in sources("calib_core")} - {"__init__"}

@@ -14,7 +14,8 @@ from calib_core.doctor.noise import measured_noise
 from calib_core.doctor.stillness import still_spans
 from calib_core.imu.clipping import clipped_share
 from calib_core.settings import ReadSettings
-from calib_core.types import FloatArray, ImuData
+from calib_core.types import FloatArray
+from tests.core.doctor.readings import data
 from tests.core.readers import build
 from tests.core.readers.tilting import tilting
 
@@ -33,10 +34,6 @@ def imu_messages(gyro: FloatArray, accel: FloatArray, *, topic: str = "/imu/data
 
 def report_of(folder: Path, *streams: list[build.Message], settings: ReadSettings | None = None) -> DoctorReport:
     return inspect(build.write_ros1(folder / "r.bag", build.in_order(*streams)), settings or ReadSettings())
-
-
-def data(gyro: FloatArray, accel: FloatArray) -> ImuData:
-    return ImuData(build.EPOCH_NS + np.arange(len(gyro), dtype=np.int64) * 10_000_000, gyro, accel)
 
 
 def test_a_recording_is_described(tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
 from calib_core.types import Scan
 from tests.core.readers import build
-from tests.core.readers.test_sweep_assembly import cut_up
+from tests.core.readers.cut_sweeps import cut_up
 
 
 @pytest.mark.parametrize("scenario", ["walking-person", "paper-normal"])

@@ -11,7 +11,7 @@ from calib_core.doctor.verdict import Opinion, judge
 from calib_core.readers.imu.readings import CleanedImu
 from calib_core.readers.timing.clocks import HeaderTimes
 from calib_core.types import Finding, FloatArray
-from tests.core.doctor.test_doctor import data
+from tests.core.doctor.readings import data
 from tests.core.readers.tilting import tilting
 
 NAMES = ("rx", "ry", "rz", "tx", "ty", "tz", "dt")

@@ -36,23 +36,30 @@ def foresight(outlook: Outlook) -> Foresight:
     return outlook.foresight
 
 
+@pytest.fixture(scope="module")
+def of_all(recording: Recording, outlook: Outlook) -> np.ndarray:
+    """What a solve by all planes knows, whole ones."""
+    return stds(recording, [replace(_suggested(p.plane), outline_m=None) for p in outlook.proposals.patches])
+
+
+def stds(recording: Recording, planes: list[Plane]) -> np.ndarray:
+    """(7,) of a solve by these planes, which all of them count in."""
+    result = calibrate(recording, CalibrateSettings(crispness=False), planes=planes).result
+    assert len(result.quality.planes) == len(planes)
+    assert result.uncertainty is not None
+    return np.sqrt(np.diag(np.array(result.uncertainty.covariance)))
+
+
 def test_it_is_what_a_solve_without_the_plane_knows(
-    recording: Recording, outlook: Outlook, foresight: Foresight
+    recording: Recording, outlook: Outlook, foresight: Foresight, of_all: np.ndarray
 ) -> None:
     """Oracle: solves of the same recording by these planes. Mutations: the planes left out counted instead; one plane's points
     left in; the growth along the worst direction for all seven, as n n^T gives it: 1.8 where 1.1 is right.
     """
     assert foresight.proposed == len(outlook.proposals.patches) == 6
 
-    def stds(places: list[int]) -> np.ndarray:
-        planes = [_suggested(outlook.proposals.patches[place].plane) for place in places]
-        result = calibrate(recording, CalibrateSettings(), planes=planes).result
-        assert len(result.quality.planes) == len(places)
-        assert result.uncertainty is not None
-        return np.sqrt(np.diag(np.array(result.uncertainty.covariance)))
-
     left = [1, 2, 3, 5]
-    truth = stds(left) / stds(list(range(6)))
+    truth = stds(recording, [_suggested(outlook.proposals.patches[place].plane) for place in left]) / of_all
     assert truth.max() > 1.3
     np.testing.assert_allclose(foresight.growth(left), truth, rtol=0.25)
 
@@ -74,7 +81,7 @@ def cut_short(outline_m: np.ndarray, share: float) -> np.ndarray:
 
 
 def test_it_is_what_a_solve_with_a_part_of_a_plane_knows(
-    recording: Recording, outlook: Outlook, foresight: Foresight
+    recording: Recording, outlook: Outlook, foresight: Foresight, of_all: np.ndarray
 ) -> None:
     """Oracle: solves of the same recording with the outline. Mutations: the whole plane counted; left out; the part's place, or
     its spread, passed over.
@@ -83,14 +90,8 @@ def test_it_is_what_a_solve_with_a_part_of_a_plane_knows(
     place, share = 1, 0.3
     left = cut_short(patches[place].outline_m, share)
 
-    def stds(outlines: dict[int, np.ndarray]) -> np.ndarray:
-        planes = [replace(_suggested(p.plane), outline_m=outlines.get(k)) for k, p in enumerate(patches)]
-        result = calibrate(recording, CalibrateSettings(), planes=planes).result
-        assert len(result.quality.planes) == len(patches)
-        assert result.uncertainty is not None
-        return np.sqrt(np.diag(np.array(result.uncertainty.covariance)))
-
-    truth = stds({place: left}) / stds({})
+    planes = [replace(_suggested(p.plane), outline_m=left if k == place else None) for k, p in enumerate(patches)]
+    truth = stds(recording, planes) / of_all
     assert truth.max() > 1.15
     told = foresight.growth(range(6), {place: Narrowed(patches[place].outline_m, left)})
     np.testing.assert_allclose(told, truth, rtol=0.12)

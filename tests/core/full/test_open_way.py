@@ -98,7 +98,7 @@ def test_a_straightened_corridor_is_refused_whatever_pairs_tell(
 def test_a_corridor_is_calibrated(corridor: tuple[Recording, Truth]) -> None:
     """Eight seconds of a sparse lidar: within four of its own sigmas on each axis, which are no excuse."""
     recording, truth = corridor
-    result = calibrate(recording, CalibrateSettings()).result
+    result = calibrate(recording, CalibrateSettings(crispness=False)).result
     assert result.status in {"calibrated", "weak"}, result.messages
     assert result.uncertainty is not None
     std = np.sqrt(np.diag(result.uncertainty.covariance))

@@ -14,7 +14,7 @@ from calib_core.imu.lost_readings import Restored, restored
 from calib_core.imu.preintegration import NoiseDensity, upsample
 from calib_core.types import BoolArray, FloatArray, ImuData
 from tests.core.imu.instants import NOISE, even_instants, in_ns, readings_at
-from tests.core.imu.test_sampling_jitter import shaken_at
+from tests.core.imu.shaken import shaken_at
 
 
 def _imu(t: FloatArray, values: FloatArray) -> ImuData:

@@ -17,28 +17,7 @@ from calib_core.readers.timing.point_time import detect_point_time
 from calib_core.readers.timing.synthesise import plan_synthesis, point_timing, synthesised_times_s
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
-
-N = 55
-FREE = [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4"), ("ring", "<u2")]
-
-
-def cloud(
-    k: int,
-    field: str | None,
-    kind: str,
-    values: Callable[[NDArray[np.float64], int], NDArray[np.float64]],
-    header_ns: int | None = None,
-) -> RawCloud:
-    """The k-th sweep with one time field made by `values(time_s, start_ns)`."""
-    scan = build.sweep(seed=k)
-    start = build.EPOCH_NS + k * 100_000_000
-    points = np.zeros(scan["ring"].size, np.dtype(FREE + ([(field, kind)] if field else [])))
-    points["x"], points["y"], points["z"] = scan["xyz"].T
-    points["intensity"], points["ring"] = scan["intensity"], scan["ring"]
-    if field:
-        points[field] = values(scan["time_s"], start)
-    header = start if header_ns is None else header_ns
-    return RawCloud(header, start + 105_000_000, "lidar", points, points.size, 1)
+from tests.core.readers.timed_cloud import FREE, N, cloud, expected
 
 
 def instants(clouds: list[RawCloud], settings: ReadSettings | None = None) -> list[NDArray[np.int64]]:
@@ -50,10 +29,6 @@ def instants(clouds: list[RawCloud], settings: ReadSettings | None = None) -> li
         assert scan is not None
         out.append(scan.stamp_ns + scan.points["offset_ns"].astype(np.int64))
     return out
-
-
-def expected(k: int) -> NDArray[np.int64]:
-    return build.EPOCH_NS + k * 100_000_000 + np.rint(build.sweep(seed=k)["time_s"] * 1e9).astype(np.int64)
 
 
 TRAPS: dict[str, tuple[str, str, Callable[[NDArray[np.float64], int], NDArray[np.float64]], int, int]] = {

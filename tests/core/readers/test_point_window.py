@@ -15,7 +15,7 @@ from calib_core.readers.timing.point_time import detect_point_time
 from calib_core.readers.timing.point_window import _usual_step
 from calib_core.settings import ReadSettings
 from tests.core.readers import build
-from tests.core.readers.test_point_time import N, cloud, expected
+from tests.core.readers.timed_cloud import N, cloud, expected
 
 Values = Callable[[NDArray[np.float64], int], NDArray[np.float64]]
 #: field type, values from (seconds into the sweep, sweep's start in ns), header after the sweep's start [ns]

@@ -13,8 +13,7 @@ from calib_core.readers.sweep_assembly import Gathering, _bearings, parts_of_a_s
 from calib_core.settings import ReadSettings
 from calib_core.types import POINT_DTYPE, Recording, Scan
 from tests.core.readers import build
-
-PERIOD_NS = 100_000_000
+from tests.core.readers.cut_sweeps import PERIOD_NS, cut_up
 
 
 @pytest.mark.parametrize(
@@ -53,27 +52,6 @@ def test_clouds_of_a_part_of_a_turn_make_a_scan_together(seen_deg: float, step_d
         stamp_ns = build.EPOCH_NS + k * PERIOD_NS // 2
         clouds.append(RawCloud(stamp_ns, stamp_ns, "lidar", points, points.size, 1))
     assert parts_of_a_scan(0.05, clouds) == parts
-
-
-def cut_up(parts: int, *, lost: frozenset[int] = frozenset(), twice: bool = False) -> list[build.Message]:
-    """Forty sweeps, each sent in so many clouds; the parts of these numbers are lost; every seventh is sent twice."""
-    messages: list[build.Message] = []
-    for k in range(40):
-        start_ns = build.EPOCH_NS + k * PERIOD_NS
-        sweep = build.sweep(seed=k)
-        part = np.floor(sweep["time_s"] / (0.1 / parts)).astype(int)
-        for number in range(parts):
-            if k * parts + number in lost:
-                continue
-            begin_s = 0.1 / parts * number
-            mine = {name: values[part == number] for name, values in sweep.items()}
-            header_ns = start_ns + round(begin_s * 1e9)
-            points = build.velodyne_points(mine, -begin_s)
-            body = build.pointcloud2(points, cdr=True, stamp_ns=header_ns, frame_id="velodyne")
-            sent: build.Message = ("/velodyne_points", "sensor_msgs/msg/PointCloud2", header_ns + 12_000_000, body)
-            again = twice and (k * parts + number) % 7 == 3
-            messages += [sent, (*sent[:2], sent[2] + 1000, sent[3])] if again else [sent]
-    return messages
 
 
 def _read(folder: Path, clouds: list[build.Message]) -> Recording:

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from calib_core import api
 from calib_core.errors import InputError
-from calib_core.settings import ReadSettings
+from calib_core.settings import CalibrateSettings, ReadSettings
 from calib_core.simulate import SCENARIOS, Simulation, prepare
 from calib_core.simulate.layouts import Cloud
 from calib_core.types import Recording
@@ -259,8 +259,8 @@ class Answer:
 
 
 def answer(recording: Recording) -> Answer:
-    """The calibration with every default."""
-    result = api.calibrate(recording).result
+    """The calibration; nobody asks how crisp its room is."""
+    result = api.calibrate(recording, CalibrateSettings(crispness=False)).result
     if result.T_imu_lidar is None or result.uncertainty is None:
         return Answer(result.status, None, 0, np.ones(7))
     sigma = np.sqrt(np.diag(np.array(result.uncertainty.covariance)))

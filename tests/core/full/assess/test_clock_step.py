@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,13 +18,15 @@ from calib_core.full.assess.disagreement import planes_at_once
 from calib_core.full.assess.error_budget import DISAGREEMENT
 from calib_core.full.assess.influence import Influences
 from calib_core.message_log import MessageLog
+from calib_core.method import Answer, Question
 from calib_core.recording_break import break_of
-from calib_core.result import TimeBlock
+from calib_core.result import CalibrationResult, Message, TimeBlock
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth, generate
 from calib_core.types import FloatArray, ImuData, Recording
 
 STD_S = 1e-4
+SETTINGS = CalibrateSettings(intrinsics="off", points_per_plane_per_scan=100, crispness=False)
 
 
 def _blocks(offsets_s: FloatArray, std_s: float = STD_S) -> list[TimeBlock]:
@@ -193,20 +195,73 @@ def recorded() -> tuple[Recording, Truth]:
     return generate("paper-normal", seed=2, duration_s=14.0)
 
 
-def test_a_recording_whose_clock_was_set_is_answered_by_its_longer_part(recorded: tuple[Recording, Truth]) -> None:
-    """The IMU's stamps are 5 ms later from a part of it on, where nothing else is wrong. Its later part has a time offset 5 ms
-    less. Mutations: no second look; what was said on the way to the first answer is said of the second.
+@dataclass(frozen=True)
+class Broken:
+    """A recording whose IMU's stamps are 5 ms later from a part of it on, where nothing else is wrong, and its calibration.
+
+    whole: the answer of all of it, on the way to the result.   said: until then.   apart: what its planes disagreed about at the
+    same time, as often as it was asked.
+    """
+
+    recording: Recording
+    result: CalibrationResult
+    whole: Answer
+    said: list[Message]
+    apart: list[float]
+
+    def solved_again(self, patch: pytest.MonkeyPatch, *, at_once: float | None = None) -> CalibrationResult:
+        """The result from that answer on. at_once: what its planes are then said to disagree about."""
+        really = page._answer
+
+        def known(recording: Recording, question: Question) -> Answer:
+            if recording is not self.recording:
+                return really(recording, question)
+            question.log.restore(self.said)
+            return self.whole if at_once is None else replace(self.whole, at_once=at_once)
+
+        patch.setattr(page, "_answer", known)
+        return calibrate(self.recording, SETTINGS).result
+
+
+@pytest.fixture(scope="module")
+def broken(recorded: tuple[Recording, Truth]) -> Broken:
+    """Solved once, as anybody would."""
+    imu = recorded[0].imu
+    later = np.where(np.arange(len(imu.stamps_ns)) > 0.4 * len(imu.stamps_ns), 5_000_000, 0)
+    spoilt = replace(recorded[0], imu=replace(imu, stamps_ns=imu.stamps_ns + later))
+    answers = list[tuple[Answer, list[Message], list[float]]]()
+    apart = list[float]()
+    really = page._answer
+
+    def watched(recording: Recording, question: Question) -> Answer:
+        answer = really(recording, question)
+        answers.append((answer, question.log.snapshot(), list(apart)))
+        return answer
+
+    def asked(*given: Any) -> float:
+        apart.append(planes_at_once(*given))
+        return apart[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "_answer", watched)
+        patch.setattr(disagreement, "planes_at_once", asked)
+        result = calibrate(spoilt, SETTINGS).result
+    return Broken(spoilt, result, *answers[0])
+
+
+def test_a_recording_whose_clock_was_set_is_answered_by_its_longer_part(
+    recorded: tuple[Recording, Truth], broken: Broken
+) -> None:
+    """Its later part has a time offset 5 ms less. Mutations: no second look; what was said on the way to the first answer is
+    said of the second.
     """
     recording, truth = recorded
-    imu = recording.imu
-    later = np.where(np.arange(len(imu.stamps_ns)) > 0.4 * len(imu.stamps_ns), 5_000_000, 0)
-    spoilt = replace(recording, imu=replace(imu, stamps_ns=imu.stamps_ns + later))
-    settings = CalibrateSettings(intrinsics="off", points_per_plane_per_scan=100, crispness=False)
-    result = calibrate(spoilt, settings).result
+    result = broken.result
     assert result.status == "calibrated"
     said = {message.code: message.text for message in result.messages}
     assert "one of the two clocks was set, or the mount slipped, between" in said["clock.set"]
     # The whole recording's parts disagree, 5.8 times.
+    assert "solve.disagreement" in {message.code for message in broken.said}
     assert "solve.disagreement" not in said
     assert 20 < result.quality.scans_used < 0.65 * len(recording.scans)
     assert result.uncertainty is not None
@@ -248,43 +303,25 @@ def test_when_a_recording_broke_is_told_from_its_first_scan(recorded: tuple[Reco
     assert silence.longer_in_words.startswith("between 108.0 s and 11")
 
 
-def test_walls_that_disagree_at_the_same_time_are_no_clock(
-    recorded: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_walls_that_disagree_at_the_same_time_are_no_clock(broken: Broken, monkeypatch: pytest.MonkeyPatch) -> None:
     """As rough ones of a mine did. Planes of a room whose clock is set do not, so that they are made to here. Mutations: the
     answer does not have it; it is not asked.
     """
-    recording, _ = recorded
-    imu = recording.imu
-    later = np.where(np.arange(len(imu.stamps_ns)) > 0.4 * len(imu.stamps_ns), 5_000_000, 0)
-    spoilt = replace(recording, imu=replace(imu, stamps_ns=imu.stamps_ns + later))
-    seen = list[float]()
-
-    def apart(*given: Any) -> float:
-        seen.append(planes_at_once(*given))
-        return 1e4
-
-    monkeypatch.setattr(disagreement, "planes_at_once", apart)
-    settings = CalibrateSettings(intrinsics="off", points_per_plane_per_scan=100, crispness=False)
-    result = calibrate(spoilt, settings).result
+    assert broken.whole.at_once == broken.apart[-1] > 0.0
+    assert max(broken.apart) < 3.0
+    result = broken.solved_again(monkeypatch, at_once=1e4)
     assert "clock.set" not in {message.code for message in result.messages}
-    assert max(seen) < 3.0
 
 
 def test_a_clock_that_was_set_is_told_where_no_side_alone_answers(
-    recorded: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+    broken: Broken, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As of planes that are given in the frame of a scan on the other side. Seen: not a word of it. Mutations: none; that one
     side is used.
     """
-    recording, _ = recorded
-    imu = recording.imu
-    later = np.where(np.arange(len(imu.stamps_ns)) > 0.4 * len(imu.stamps_ns), 5_000_000, 0)
-    spoilt = replace(recording, imu=replace(imu, stamps_ns=imu.stamps_ns + later))
     monkeypatch.setattr(page, "_of_one_side", lambda *_: None)
-    settings = CalibrateSettings(intrinsics="off", points_per_plane_per_scan=100, crispness=False)
-    result = calibrate(spoilt, settings).result
+    result = broken.solved_again(monkeypatch)
     said = {message.code: message.text for message in result.messages}
     assert "one of the two clocks was set, or the mount slipped, between" in said["clock.set"]
     assert "neither part alone gives an answer, so all of it is used" in said["clock.set"]
-    assert result.quality.scans_used > 0.9 * len(recording.scans)
+    assert result.quality.scans_used > 0.9 * len(broken.recording.scans)

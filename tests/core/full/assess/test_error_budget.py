@@ -15,7 +15,7 @@ from calib_core.full.assess.error_budget import ErrorBudget, in_scaled, in_si
 from calib_core.full.assess.observability import Knowledge, assess
 from calib_core.full.joint.undetermined import UNITS
 from calib_core.types import FloatArray
-from tests.core.full.assess.test_observability import _information, _priors
+from tests.core.full.assess.made_information import information_of, priors_of
 
 #: One standard deviation of the noise, SI: 0.02 deg, 0.3 mm, 0.05 ms.
 NOISE = np.array([*[np.radians(0.02)] * 3, *[3e-4] * 3, 5e-5])
@@ -85,9 +85,9 @@ def test_all_parts_together_are_what_the_answer_states(names: tuple[str, ...]) -
     Mutations: considered, shapes or disagreement left out of what is beyond noise; one of them twice; the clocks left out of the
     total.
     """
-    budget, priors = _budget(*names), _priors()
+    budget, priors = _budget(*names), priors_of()
     known = assess(
-        _information(NOISE / UNITS, np.eye(7), priors),
+        information_of(NOISE / UNITS, np.eye(7), priors),
         priors,
         added=budget.beyond_noise,
         offset_std_s=budget.clocks_std_s,

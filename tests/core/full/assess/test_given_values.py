@@ -73,6 +73,7 @@ def test_a_prior_that_the_recording_contradicts_is_named(noisy: tuple[Recording,
     for away_m, status in ((0.0, "calibrated"), (0.2, "weak")):
         settings = CalibrateSettings(
             intrinsics="off",
+            crispness=False,
             priors=(Prior(axis="ty", value=0.0, std=5.0), Prior(axis="tx", value=x_m + away_m, std=0.01)),
         )
         result = calibrate(recording, settings, planes=truth.planes).result

@@ -38,17 +38,11 @@ from calib_core.full.prepare import settings
 from calib_core.full.prepare.nuisance import Nuisance
 from calib_core.solver.arrow import ArrowEquations, Eliminated, NotPositiveDefinite, solve_arrow
 from calib_core.solver.information import covariance
-from calib_core.solver.levenberg import minimise
 from calib_core.types import FloatArray, IntArray
 from tests.core.factors.triangles import triangle
+from tests.core.full.assess.solved_problem import solved_problem
 from tests.core.full.joint import misfit_problem as plain
 from tests.core.full.joint.sensor_case import BENT, LASERS, NUISANCE, Case, written_out
-
-
-def _solved() -> tuple[JointProblem, Estimate]:
-    """A small problem at its optimum; where points hardly fit, that is far from nothing."""
-    case = Case(1)
-    return case.problem, minimise(case.problem, case.estimate, max_iterations=2000, tolerance=1e-14).estimate
 
 
 def _links(of: FactorInfluences) -> Influences:
@@ -77,7 +71,7 @@ def _of_priors(problem: JointProblem, estimate: Estimate) -> tuple[FloatArray, F
 def test_influences_sum_up_to_the_covariance_and_to_the_next_step() -> None:
     """Mutations: the lasers' part left out, the mixed part once, a link's bias of one node only, changes of the parameters
     since the points were laid out left out of the pulls."""
-    problem, estimate = _solved()
+    problem, estimate = solved_problem()
     of = factor_influences(problem, estimate)
     system = problem.linearise(estimate)
     stated = covariance(solve_arrow(system).information).matrix[:CALIBRATION, :CALIBRATION] / UNITS / UNITS[:, None]
@@ -108,7 +102,7 @@ class _Amplified:
 def test_what_is_beyond_all_numbers_is_no_covariance() -> None:
     """A choice of planes that told next to nothing had responses of 1e95, whose squares are squared: that ended as an overflow,
     told as one. Mutation: no look at the squares."""
-    problem, estimate = _solved()
+    problem, estimate = solved_problem()
     at_hand = Eliminated.of(problem.linearise(estimate))
     asked: list[Callable[[FactorInfluences], object]] = [_links, _bins]
     for ask in asked:
@@ -124,7 +118,7 @@ def test_equations_at_hand_are_not_made_again(monkeypatch: pytest.MonkeyPatch) -
     """Those of a step before say the same; those of fewer unknowns are of no use. Mutations: never taken; taken whatever they are
     of.
     """
-    problem, estimate = _solved()
+    problem, estimate = solved_problem()
     own = factor_influences(problem, estimate)
     at_hand = Eliminated.of(problem.linearise(estimate))
     frozen = Eliminated.of(replace(problem, frozen=(*problem.frozen, 6)).linearise(estimate))
@@ -369,7 +363,7 @@ def test_considered_parameters_widen_by_what_they_would_move() -> None:
     """Schmidt's covariance against the block inverse of the whole problem and against brute shifts.
 
     Mutations: the prior's variance for its standard deviation, the cross block transposed, azimuths alike independent."""
-    problem, estimate = _solved()
+    problem, estimate = solved_problem()
     own = problem.layout(estimate).nuisance()
     held = replace(problem, frozen=tuple(range(own.start, own.stop)))
     blocks = estimate.sensors.blocks

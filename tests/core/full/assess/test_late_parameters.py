@@ -205,10 +205,10 @@ def test_a_filter_that_was_let_go_along_has_to_show_still(at_s2: float, std_s2: 
     assert late_parameters.still_show(solved) is shows
 
 
-def _calibrated(faults: str, **settings: Any) -> tuple[CalibrationResult, float]:
+def _calibrated(faults: str) -> tuple[CalibrationResult, float]:
     """A hand-held recording with these faults, and the square of its error (NEES of the seven)."""
     recording, truth = generate("handheld", seed=4, duration_s=12.0, faults=parse_faults(faults))
-    result = calibrate(recording, CalibrateSettings(**settings)).result
+    result = calibrate(recording, CalibrateSettings(crispness=False)).result
     assert result.uncertainty is not None
     errors = errors_of(result, truth)
     return result, float(errors @ np.linalg.solve(np.array(result.uncertainty.covariance), errors))

@@ -12,37 +12,16 @@ from calib_core.full.joint.undetermined import UNITS
 from calib_core.geometry import exp
 from calib_core.result import COVARIANCE_ORDER
 from calib_core.types import FloatArray
+from tests.core.full.assess.made_information import STANDING, information_of, priors_of
 
 #: Spread of a well-determined parameter, in units of 1 deg, 10 mm, 1 ms.
 GOOD = 0.02
-STANDING = tuple(PriorRow(i, 0.0, std) for i, std in enumerate([1.0] * 3 + [10.0] * 4))
-
-
-def _priors(*extra: PriorRow) -> Priors:
-    return Priors(np.eye(3), STANDING, 9.8, 0.02, given=extra)
-
-
-def _information(spread: FloatArray, directions: FloatArray, priors: Priors) -> FloatArray:
-    """Shared information (15, 15) whose first seven, the rest eliminated, are known to `spread` along `directions`.
-
-    spread: (7,) in the contract's units, inf for unknown.   directions: (7, 7) orthonormal columns.
-    """
-    scaled = directions @ np.diag(1.0 / np.asarray(spread) ** 2) @ directions.T
-    marginal = scaled / UNITS[:, None] / UNITS[None, :]
-    for row in priors.rows:
-        marginal[row.column, row.column] += 1.0 / row.std**2
-    rng = np.random.default_rng(0)
-    root = rng.normal(size=(8, 8)) + 4 * np.eye(8)
-    corner = root @ root.T
-    # Coupled to biases and planes as strongly as can be told apart from nothing.
-    border = 0.1 * rng.normal(size=(7, 8)) * np.sqrt(np.diag(marginal))[:, None]
-    return np.block([[marginal + border @ np.linalg.solve(corner, border.T), border], [border.T, corner]])
 
 
 def _assess(spread: FloatArray, directions: FloatArray | None = None, *extra: PriorRow, **kw: float) -> Knowledge:
-    priors = _priors(*extra)
+    priors = priors_of(*extra)
     axes = np.eye(7) if directions is None else directions
-    return assess(_information(spread, axes, priors), priors, inflation=kw.get("inflation", 1.0))
+    return assess(information_of(spread, axes, priors), priors, inflation=kw.get("inflation", 1.0))
 
 
 def _all(value: float, **changed: float) -> FloatArray:
@@ -54,8 +33,8 @@ def _all(value: float, **changed: float) -> FloatArray:
 
 def test_what_no_residual_knows_of_the_clocks_is_added_to_the_offset_alone() -> None:
     """Mutation: added to the standard deviation instead of the variance, or although the offset is held."""
-    priors = _priors()
-    information = _information(_all(GOOD), np.eye(7), priors)
+    priors = priors_of()
+    information = information_of(_all(GOOD), np.eye(7), priors)
     plain, widened = assess(information, priors), assess(information, priors, offset_std_s=3e-4)
     expected = plain.covariance.copy()
     expected[6, 6] += 9e-8
@@ -67,7 +46,7 @@ def test_what_no_residual_knows_of_the_clocks_is_added_to_the_offset_alone() -> 
 
 def _taking_away(direction: FloatArray, priors: Priors) -> FloatArray:
     """Information (17, 17) of two unknowns more that are the same but for round-off, and coupled to a direction all the same."""
-    first = _information(_all(GOOD), np.eye(7), priors)
+    first = information_of(_all(GOOD), np.eye(7), priors)
     out = np.zeros((17, 17))
     out[:15, :15] = first
     out[15:, 15:] = [[1.0, 1.0 - 1e-13], [1.0 - 1e-13, 1.0]]
@@ -82,10 +61,10 @@ def test_what_is_added_to_the_covariance_leaves_less_known() -> None:
     Seen: a room seen two ways, 7 m open, "calibrated" to 17 mm once its parts disagreed by 17 mm. Mutations: information below
     zero left in, with what is added or without; added to the information; added twice.
     """
-    priors = _priors()
+    priors = priors_of()
     root = 0.05 * np.random.default_rng(2).normal(size=(7, 2))
     added = root @ root.T
-    widened = assess(_information(_all(GOOD), np.eye(7), priors), priors, added=added)
+    widened = assess(information_of(_all(GOOD), np.eye(7), priors), priors, added=added)
     prior = np.array([1.0 / (row.std / unit) ** 2 for row, unit in zip(STANDING, UNITS, strict=True)])
     expected = np.linalg.inv(np.linalg.inv(np.eye(7) * GOOD**2 + added) + np.diag(prior))
     np.testing.assert_allclose(widened.covariance / UNITS / UNITS[:, None], expected, rtol=1e-6, atol=1e-9)
@@ -162,8 +141,8 @@ def test_a_parameter_that_is_named_has_the_size_that_the_tables_have() -> None:
     (x,) = [d for d in weak_directions(known) if d.label == "tx"]
     assert known.data_std[3] == pytest.approx(0.02451, abs=1e-5)
     assert "x axis only to 25 mm (1 sigma)" in x.text
-    priors = _priors()
-    (late,) = weak_directions(assess(_information(_all(GOOD, dt=2.5), np.eye(7), priors), priors, offset_std_s=6e-3))
+    priors = priors_of()
+    (late,) = weak_directions(assess(information_of(_all(GOOD, dt=2.5), np.eye(7), priors), priors, offset_std_s=6e-3))
     assert "determines time offset only to 6.5 ms" in late.text
 
 
@@ -275,8 +254,8 @@ def test_inflation_multiplies_every_spread() -> None:
 
 def test_a_time_offset_that_was_given_is_not_missed() -> None:
     """Fails when a frozen offset's empty column counts as something the data lack."""
-    priors = _priors()
-    information = _information(_all(GOOD, dt=np.inf), np.eye(7), priors)
+    priors = priors_of()
+    information = information_of(_all(GOOD, dt=np.inf), np.eye(7), priors)
     assert assess(information, priors).is_weak
     frozen = assess(information, priors, frozen_offset=True)
     assert not frozen.is_weak
@@ -364,9 +343,9 @@ def test_a_prior_makes_an_answer_no_surer_than_it_was_weighed(frozen: bool) -> N
     know with all that they lack; nothing of it added; the time offset's added where it was held.
     """
     tape = PriorRow(3, 0.3, 0.0003)
-    priors = _priors(tape)
+    priors = priors_of(tape)
     added = np.diag([0.0, 0.0, 0.0, 0.25**2, 0.0, 0.0, 0.2**2])
-    known = assess(_information(_all(GOOD), np.eye(7), priors), priors, added=added, frozen_offset=frozen)
+    known = assess(information_of(_all(GOOD), np.eye(7), priors), priors, added=added, frozen_offset=frozen)
     weight, own = 0.0003**-2.0, (GOOD * UNITS[3]) ** -2.0
     draws = np.random.default_rng(1).standard_normal((3, 200_000))
     seen = draws[0] / np.sqrt(own) + draws[1] * 0.25 * UNITS[3]

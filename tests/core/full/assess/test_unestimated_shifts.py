@@ -14,7 +14,7 @@ from calib_core.intrinsics import KINDS, UNITS, Block
 from calib_core.result import Intrinsic
 from calib_core.solver.arrow import solve_arrow
 from calib_core.types import FloatArray
-from tests.core.full.assess.test_influence import _solved
+from tests.core.full.assess.solved_problem import solved_problem
 
 TURNS, PLACES = np.radians([3e-3, 4e-3, 0.0]), np.array([0.0, 3e-4, 4e-4])
 
@@ -29,7 +29,7 @@ def test_an_answer_is_off_by_what_was_taken_for_zero_and_is_not() -> None:
 
     Mutations: the sign; without the prior's sigma; in the covariance's units.
     """
-    problem, estimate = _solved()
+    problem, estimate = solved_problem()
     own = problem.layout(estimate).nuisance()
     held = replace(problem, frozen=tuple(range(own.start, own.stop)))
     prior_std = estimate.sensors.blocks.prior_std

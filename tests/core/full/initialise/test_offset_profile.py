@@ -12,7 +12,7 @@ from calib_core.full.initialise.start import LidarTrack
 from calib_core.geometry import exp
 from calib_core.result import OffsetProfile
 from calib_core.types import FloatArray
-from tests.core.full.initialise.test_stream_lag import LAG_S, _gyro, _rate
+from tests.core.full.initialise.late_gyroscope import LAG_S, late_gyroscope, turning_rate
 
 START_S = np.arange(0.0, 12.0, 0.1)
 
@@ -28,7 +28,7 @@ def _track(rate_rad_s: FloatArray) -> LidarTrack:
 
 
 def _profile(answer_s: float) -> OffsetProfile:
-    found = offset_profile(_track(_rate(START_S + 0.05)), *_gyro(), answer_s)
+    found = offset_profile(_track(turning_rate(START_S + 0.05)), *late_gyroscope(), answer_s)
     assert found is not None
     return found
 
@@ -55,8 +55,8 @@ def test_nothing_is_told_without_a_sign_of_its_own() -> None:
 
 
 def _meant(answer_s: float, tempo: float = 1.0, noise: float = 0.0) -> str:
-    rate = _rate(START_S + 0.05, tempo) + noise * np.random.default_rng(4).normal(size=(len(START_S), 3))
-    found = offset_profile(_track(rate), *_gyro(tempo), answer_s)
+    rate = turning_rate(START_S + 0.05, tempo) + noise * np.random.default_rng(4).normal(size=(len(START_S), 3))
+    found = offset_profile(_track(rate), *late_gyroscope(tempo), answer_s)
     assert found is not None
     return found.text.split("ms", maxsplit=1)[1]
 
@@ -77,14 +77,14 @@ def test_a_clear_peak_agrees_or_disagrees_and_a_flat_one_says_nothing() -> None:
 def test_a_body_that_hardly_turned_has_none() -> None:
     """Mutation: noise compared with noise."""
     rng = np.random.default_rng(0)
-    imu_s, gyro = _gyro()
+    imu_s, gyro = late_gyroscope()
     assert offset_profile(_track(0.001 * rng.normal(size=(len(START_S), 3))), imu_s, 0.001 * gyro, LAG_S) is None
 
 
 def test_where_too_little_is_in_common_there_is_no_value() -> None:
     """An answer at the end of what both have seen. Mutation: minus infinity written to the document."""
-    imu_s, gyro = _gyro()
-    track = _track(_rate(START_S + 0.05))
+    imu_s, gyro = late_gyroscope()
+    track = _track(turning_rate(START_S + 0.05))
     short = replace(track, start_s=track.start_s + 6.6)
     found = offset_profile(short, imu_s, gyro, LAG_S)
     assert found is not None

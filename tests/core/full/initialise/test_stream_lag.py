@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from calib_core.full.initialise.agreement import agreement_of
 from calib_core.full.initialise.rotation import fit_lags
@@ -13,29 +12,15 @@ from calib_core.full.initialise.settings import AGREEING, VECTORS
 from calib_core.full.initialise.stream_lag import lags_by_vectors
 from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns
 from calib_core.geometry import log
-from calib_core.types import FloatArray
+from tests.core.full.initialise.late_gyroscope import LAG_S, R_C, late_gyroscope, turning_rate
 
-R_C = np.asarray(Rotation.from_euler("xyz", [40.0, -70.0, 130.0], degrees=True).as_matrix())
-LAG_S = -0.37
 START_S = np.arange(0.0, 12.0, 0.2)
-
-
-def _rate(t_s: FloatArray, tempo: float = 1.0) -> FloatArray:
-    """(N, 3) [rad/s]: two waves on every axis, as a hand swings."""
-    t = tempo * t_s[:, None]
-    first = np.array([0.5, 0.4, 0.3]) * np.sin(np.array([2.1, 2.6, 1.7]) * t + np.array([0.0, 1.0, 2.0]))
-    return np.asarray(first + 0.15 * np.sin(np.array([4.3, 3.9, 4.8]) * t + np.array([2.0, 0.5, 1.0])))
-
-
-def _gyro(tempo: float = 1.0) -> tuple[FloatArray, FloatArray]:
-    t = np.arange(-1.0, 13.0, 0.005)
-    return t - LAG_S, _rate(t, tempo) @ R_C.T
 
 
 def _half_blind() -> LidarTurns:
     """Of every second turn the component about one axis is anything: one plane tells the two others."""
     rng = np.random.default_rng(3)
-    rate = _rate(START_S + 0.05) + rng.normal(0.0, 0.02, (len(START_S), 3))
+    rate = turning_rate(START_S + 0.05) + rng.normal(0.0, 0.02, (len(START_S), 3))
     up = np.array([0.6, 0.0, 0.8])
     rate[::2] += rng.normal(0.0, 0.7, (len(rate[::2]), 1)) * up
     worth = np.where(np.arange(len(rate)) % 2 == 0, 1.0 / 0.03**2, 1.0 / 0.004**2)
@@ -47,7 +32,7 @@ def test_three_axes_tell_the_lag_where_sizes_do_not() -> None:
 
     Mutation: every turn counts alike (`worth=None`).
     """
-    turns, (imu_s, gyro) = _half_blind(), _gyro()
+    turns, (imu_s, gyro) = _half_blind(), late_gyroscope()
     assert agreement_of(turns, imu_s, gyro).correlation < AGREEING.trusted
     lags = lags_by_vectors(turns, imu_s, gyro)
     assert abs(lags[0][0] - LAG_S) < 0.03
@@ -60,16 +45,16 @@ def test_three_axes_tell_the_lag_where_sizes_do_not() -> None:
 
 def test_another_motion_is_not_believed() -> None:
     """The same kind of swinging at other tempos, at the best of all lags. Mutation: no share in common is asked for."""
-    turns = LidarTurns(START_S, START_S + 0.1, _rate(START_S + 0.05))
+    turns = LidarTurns(START_S, START_S + 0.1, turning_rate(START_S + 0.05))
     for tempo in (0.55, 0.8, 1.3, 1.9):
-        found = lags_by_vectors(turns, *_gyro(tempo))
+        found = lags_by_vectors(turns, *late_gyroscope(tempo))
         assert found[0][1] < VECTORS.alike
 
 
 def test_a_gyroscope_in_other_units_is_as_much_alike() -> None:
     """So that the unit is named later on, not the planes blamed. Mutation: divide by the lidar's size alone."""
-    imu_s, gyro = _gyro()
-    turns = LidarTurns(START_S, START_S + 0.1, _rate(START_S + 0.05))
+    imu_s, gyro = late_gyroscope()
+    turns = LidarTurns(START_S, START_S + 0.1, turning_rate(START_S + 0.05))
     for unit in (1.0, 180.0 / np.pi, np.pi / 180.0):
         lag_s, alike = lags_by_vectors(turns, imu_s, unit * gyro)[0]
         assert abs(lag_s - LAG_S) < 0.03
@@ -79,4 +64,7 @@ def test_a_gyroscope_in_other_units_is_as_much_alike() -> None:
 def test_too_few_turns_say_nothing() -> None:
     """Mutation: compare whatever is there: three turns fit any rotation."""
     few = slice(0, 10)
-    assert lags_by_vectors(LidarTurns(START_S[few], START_S[few] + 0.1, _rate(START_S[few])), *_gyro()) == []
+    assert (
+        lags_by_vectors(LidarTurns(START_S[few], START_S[few] + 0.1, turning_rate(START_S[few])), *late_gyroscope())
+        == []
+    )

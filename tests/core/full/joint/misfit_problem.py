@@ -65,7 +65,8 @@ def problem_of(seed: int, *, delta_s: float = 0.0, unseen: int = 0) -> tuple[Joi
     y = np.concatenate([rng.normal(size=(len(pairs), 9, 3)), np.ones((len(pairs), 9, 1))], axis=2)
     # A centimetre for each: what three planes see, no direction is hidden from.
     y = 100.0 * np.concatenate([y, 0.1 * rng.normal(size=(len(pairs), 9, 1))], axis=2)
-    bins = Bins(pairs[:, 0], pairs[:, 1], np.swapaxes(y, 1, 2) @ y, np.full(len(pairs), 9), OFFSET_S - delta_s)
+    knot, plane = np.ascontiguousarray(pairs.T)
+    bins = Bins(knot, plane, np.swapaxes(y, 1, 2) @ y, np.full(len(pairs), 9), OFFSET_S - delta_s)
     rows = (PriorRow(0, 0.3, 0.5), PriorRow(2, -0.1, 0.2), PriorRow(4, 1.0, 0.4), PriorRow(6, 0.5, 0.3))
     priors = Priors(e.R_imu_lidar, rows[:2], 9.8, 0.05, given=rows[2:], gyro_walk=0.3, accel_walk=0.7)
     return JointProblem(readings, nodes, preintegrate(readings, bg, ba, DENSITY), bg, ba, bins, priors, 0), e

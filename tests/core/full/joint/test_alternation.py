@@ -30,7 +30,9 @@ def _solve(
         if isinstance(event, IterationEvent):
             costs.append(event.cost)
 
-    found = calibrate(recording, CalibrateSettings(intrinsics=intrinsics), initial_guess=guess, on_event=listen)
+    found = calibrate(
+        recording, CalibrateSettings(intrinsics=intrinsics, crispness=False), initial_guess=guess, on_event=listen
+    )
     return found, costs[-1]
 
 

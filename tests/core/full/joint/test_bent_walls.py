@@ -53,7 +53,7 @@ def test_rounds_in_a_bent_room_leave_little_of_what_they_moved(monkeypatch: pyte
     said: list[str] = []
     result = api.calibrate(
         recording,
-        CalibrateSettings(),
+        CalibrateSettings(crispness=False),
         on_event=lambda event: said.append(event.code) if isinstance(event, LogEvent) else None,
     ).result
     assert "planes.uneven" in said

@@ -28,7 +28,7 @@ from tests.core.full.conftest import SHORT
 from tests.core.full.joint.conftest import Half
 
 CODE = "sensor.beyond_sheet"
-NAMED = CalibrateSettings(imu_noise="xsens-mti-300", lidar="ouster-os")
+NAMED = CalibrateSettings(imu_noise="xsens-mti-300", lidar="ouster-os", crispness=False)
 
 
 def ended(*away: np.ndarray, fault: str = "") -> Any:

@@ -47,7 +47,7 @@ def test_nothing_of_the_points_of_one_round_is_there_in_the_next(
 
     monkeypatch.setattr(alternation, "associate", given)
     monkeypatch.setattr(alternation, "descend", descended)
-    calibrate(noisy[0], CalibrateSettings())
+    calibrate(noisy[0], CalibrateSettings(crispness=False))
     assert len(points) >= 3
     assert len(problems) > len(points)
     # Points given anew: none of before. A descent: those that it is about. No problem but the one that is made.

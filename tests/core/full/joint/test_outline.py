@@ -64,10 +64,10 @@ class Bent:
     R_map_world: FloatArray
     p_map_world: FloatArray
 
-    def solved(self, *, outlined: bool, **settings: Any) -> Calibration:
+    def solved(self, *, outlined: bool) -> Calibration:
         """The calibration, with the outline or without."""
         planes = self.planes if outlined else [replace(plane, outline_m=None) for plane in self.planes]
-        return calibrate(self.recording, CalibrateSettings(**settings), planes=planes)
+        return calibrate(self.recording, CalibrateSettings(crispness=False), planes=planes)
 
 
 @pytest.fixture(scope="module")
@@ -151,7 +151,7 @@ def test_an_outline_narrower_than_a_cell_is_said(bent: Bent) -> None:
         else q
         for q in bent.planes
     ]
-    result = calibrate(bent.recording, CalibrateSettings(), planes=small).result
+    result = calibrate(bent.recording, CalibrateSettings(crispness=False), planes=small).result
     (text,) = [message.text for message in result.messages if message.code == "planes.narrow"]
     assert "wall north" in text
     assert next(plane for plane in result.quality.planes if plane.name == "wall north").points == 0

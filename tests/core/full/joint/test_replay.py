@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,19 +18,7 @@ from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
-
-
-def same(one: object, other: object) -> bool:
-    """Whether two values are the same all the way down, types included."""
-    if type(one) is not type(other):
-        return False
-    if isinstance(one, np.ndarray):
-        return isinstance(other, np.ndarray) and one.dtype == other.dtype and np.array_equal(one, other)
-    if is_dataclass(one):
-        return all(same(getattr(one, f.name), getattr(other, f.name)) for f in fields(one))
-    if isinstance(one, tuple) and isinstance(other, tuple):
-        return len(one) == len(other) and all(same(a, b) for a, b in zip(one, other, strict=True))
-    return one == other
+from tests.core.full.joint.same import same
 
 
 def test_a_state_comes_back_as_it_was(half: Half, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.tones import with_tone
 from calib_core.full.prepare.nuisance import TONE, Nuisance, NuisanceBlock
 from tests.core.full.joint.conftest import Half
-from tests.core.full.joint.test_replay import same
+from tests.core.full.joint.same import same
 
 #: As docs/how-it-works.md has them, one after the other, and what does each.
 STEPS = {
