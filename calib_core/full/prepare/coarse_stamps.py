@@ -14,7 +14,8 @@ the step, as where both clocks run apart, the mean is that of the law, w = 0; wh
     variance of the mean = ((p / 2)^2 + ((q - p) / 2)^2) / 2 + w^2 / 12
 
 about the stamps as they are: 0.35 to 0.46 of a step. Stamps that are whole multiples of the period at which they come are those
-of a clock that the sensor itself goes by, where chance would seldom make them so.
+of a clock that the sensor itself goes by, where chance would seldom make them so. So are those that come in step and are
+multiples of much more than drivers count: of milliseconds that were cut, few recordings would begin on a hundredth.
 """
 
 from __future__ import annotations
@@ -41,18 +42,20 @@ def imu_step(imu: ImuData) -> StampStep | None:
 
 
 def exact_stamps(stamps_ns: IntArray, whose: str) -> str | None:
-    """What is said of stamps (Q,) that are multiples of the period at which they come: they are taken for exact, and may not be.
-    None for all others."""
+    """What is said of stamps (Q,) that are taken for those of a clock that starts the sampling, and may not be; None for all
+    others."""
     if len(stamps_ns) < STEPS.fewest_stamps:
         return None
     step_ns = _step_ns(stamps_ns, least_ns=0)
     if step_ns == 0 or not _kept_by_sensor(stamps_ns, step_ns):
         return None
-    cut_ms, period_ms = 1e3 * min(step_ns * 1e-9, STEPS.usual_s), 1e-6 * float(np.median(np.diff(stamps_ns)))
+    step_ms, period_ms = 1e-6 * step_ns, 1e-6 * float(np.median(np.diff(stamps_ns)))
+    how = f"multiples of {step_ms:.4g} ms that come in step, every {period_ms:.4g} ms"
+    if _are_multiples(stamps_ns, _period_ns(stamps_ns, step_ns)):  # most drivers that cut stamps count milliseconds
+        step_ms, how = min(step_ms, 1e3 * STEPS.usual_s), f"multiples of the {period_ms:.4g} ms from one to the next"
     return (
-        f"the stamps of {whose} are multiples of the {period_ms:.4g} ms from one to the next: they are taken for exact, as if "
-        f"their clock started the sampling; if instead a driver cuts them to steps of {cut_ms:.4g} ms, the time offset may be "
-        "off by up to that much more than is stated"
+        f"the stamps of {whose} are {how}: they are taken for exact, as if their clock started the sampling; if instead a driver "
+        f"cuts them to steps of {step_ms:.4g} ms, the time offset may be off by up to that much more than is stated"
     )
 
 
@@ -116,13 +119,21 @@ def _are_multiples(stamps_ns: IntArray, step_ns: int) -> bool:
 
 
 def _kept_by_sensor(stamps_ns: IntArray, step_ns: int) -> bool:
-    """Whether stamps are multiples of the period itself, of many steps each: a clock's that starts the sampling."""
-    steps = np.diff(stamps_ns)
-    # Whole steps: seconds since 1970 in double precision leave some hundred nanoseconds of it.
-    period_ns = step_ns * round(float(np.median(steps)) / step_ns)
-    if period_ns < STEPS.chance * min(step_ns, STEPS.usual_s * 1e9) or steps.min() < 0.5 * period_ns:
+    """Whether multiples of a step are stamps of a clock that starts the sampling: multiples of the period itself, of many steps
+    each, or in step and multiples of more than drivers count."""
+    period_ns, rare_ns = _period_ns(stamps_ns, step_ns), STEPS.chance * min(step_ns, STEPS.usual_s * 1e9)
+    if period_ns < rare_ns or np.diff(stamps_ns).min() < 0.5 * period_ns:
         return False
-    return _are_multiples(stamps_ns, period_ns)
+    if _are_multiples(stamps_ns, period_ns):
+        return True
+    phases = (stamps_ns - stamps_ns[0] + period_ns // 2) % period_ns - period_ns // 2
+    in_step = bool((np.abs(phases) <= 2.0 * STEPS.rounding_s * 1e9).all())
+    return in_step and step_ns >= rare_ns and step_ns * 1e-9 not in STEPS.ticks_s
+
+
+def _period_ns(stamps_ns: IntArray, step_ns: int) -> int:
+    """At which stamps come, in whole steps: seconds since 1970 in double precision leave some hundred nanoseconds of it."""
+    return step_ns * round(float(np.median(np.diff(stamps_ns))) / step_ns)
 
 
 def _spread(stamps_ns: IntArray, step_ns: int) -> float:

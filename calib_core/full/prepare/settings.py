@@ -182,8 +182,9 @@ class Steps:
     #: derived: a nanosecond cut either way, of stamps that are whole nanoseconds.
     same_ns: int = 2
     #: judged: most clocks that cut stamps count milliseconds. Where they do and sampling keeps step, stamps are multiples of the
-    #: sampling's own period by chance in one recording of ten at 100 Hz, in all at 1000 Hz. Rarer than in one of so many, such
-    #: stamps are taken for exact: a clock's that starts the sampling, a receiver's seconds, a simulation's.
+    #: sampling's own period by chance in one recording of ten at 100 Hz, in all at 1000 Hz, and multiples of 10 ms in one of
+    #: ten. Rarer than in one of so many, such stamps are taken for exact: a clock's that starts the sampling, a receiver's
+    #: seconds, a simulation's.
     usual_s: float = 1e-3
     chance: float = 5.0
     #: derived: fewer stamps are multiples by chance, or tell no line.

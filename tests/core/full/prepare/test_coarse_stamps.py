@@ -106,6 +106,36 @@ def test_a_period_in_double_precision_is_the_sensors_own_all_the_same() -> None:
     assert "multiples of the 100 ms" in str(exact_stamps(stamps, "/points"))
 
 
+def test_stamps_in_step_on_hundredths_of_a_second_are_the_sensors_own() -> None:
+    """Scans every 100 ms that begin at 50 ms: of stamps cut to milliseconds one recording in ten begins on a hundredth. Some are
+    lost, and all are told in double precision. Those that do not keep step, or keep step with milliseconds or with a host's
+    ticks, are cut. Seen: ideal recordings of a simulator called weak, their offset told to 5 ms.
+
+    Mutations: multiples of the period alone; any that keep step; those that do not keep step; ticks as well.
+    """
+    lost = np.delete(np.arange(300, dtype=np.int64), [7, 90, 91])
+    start_ns = EPOCH_NS // 10**9 * 10**9
+
+    def told(start_ms: float, period_ms: float, double: bool) -> tuple[bool, str]:
+        stamps = start_ns + np.rint(start_ms * MS + period_ms * MS * lost).astype(np.int64)
+        if double:
+            seconds = stamps // 10**9 + 1e-9 * (stamps % 10**9)
+            stamps = np.rint((seconds % 1.0) * 1e9).astype(np.int64) + np.floor(seconds).astype(np.int64) * 10**9
+        return scan_step(stamps, "/points") is None, str(exact_stamps(stamps, "/points"))
+
+    for double in (False, True):
+        exact, said = told(50.0, 100.0, double)
+        assert exact
+        assert "multiples of 10 ms that come in step, every 100 ms" in said
+        assert "cuts them to steps of 10 ms" in said
+    assert told(53.0, 100.0, double=False) == (False, "None")
+    assert told(15.625, 125.0, double=False) == (False, "None")
+    rotor = _cut(start_ns + np.rint(100.3 * MS * lost).astype(np.int64), 10 * MS, nearest=False)
+    found = scan_step(rotor, "/points")
+    assert found is not None
+    assert found.step_s == 0.01
+
+
 def test_a_clock_that_keeps_step_beside_the_steps_is_cut_by_nobody() -> None:
     """Readings 5 ms apart to the nanosecond, begun 228 ns before a hundredth of a millisecond: one recording of twenty begins
     that near by chance, and all its stamps do. Mutation: each stamp is a draw.
