@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from calib_core.errors import Refused
 from calib_core.full.assess.plausibility import SIGNS_BORNE_OUT, SIGNS_RIGHT, borne_out
+from calib_core.full.prepare.prepare import LESS_CLIPPED
 from calib_core.method import Answer
 from calib_core.result import Message
 from calib_core.types import ARE_IN_G
@@ -17,26 +18,30 @@ _BROKEN = (
     "solve.unsettled", "solve.inconsistent", "solve.broke_down", "solve.diverged", "solve.offset_ran_away",
     "solve.lever_arm_ran_away", "planes.unsettled", "planes.lost", "motion.not_rigid",
 )  # fmt: skip
+#: What helps against such a cause, where the refusal's own advice is about something else.
+_HELPS = {"imu.clipped": LESS_CLIPPED}
 #: What is said on the way of a motion that tells too little.
 _ONE_AXIS = "start.open_turn"
 
 
 def with_cause(refusal: Refused, messages: Sequence[Message]) -> str:
     """The refusal's sentence. Where it only says that the solve broke, and messages warn of something that breaks it, that comes
-    first: "the gyroscope's x axis is stuck; that may be why the solve did not come to rest". So does a turning about one
-    axis alone, which breaks none, but lets what is hardly flat or still bend the motion; what helps then comes last.
+    first: "the gyroscope's x axis is stuck; that may be why the solve did not come to rest", and what helps against it, where
+    the refusal's own advice would mislead. So does a turning about one axis alone, which breaks none, but lets what is hardly
+    flat or still bend the motion; what helps then comes last.
     """
     warned = {message.code: message.text for message in reversed(messages) if message.level == "warning"}
-    cause = next((warned[code] for code in _CAUSES if code in warned), "")
+    code = next((code for code in _CAUSES if code in warned), "")
     if refusal.code not in _BROKEN:
         return str(refusal)
-    if not cause and any(message.code == _ONE_AXIS for message in messages):
+    if not code and any(message.code == _ONE_AXIS for message in messages):
         about = "as far as the lidar could be followed, all rotation is about one axis"
         return f"{about}; that may be why {refusal}, and turn the rig about the other axes too"
-    if not cause:
+    if not code:
         return str(refusal)
-    first = cause.split(";")[0].rstrip(".")
-    return f"{first[0].lower()}{first[1:]}; that may be why {refusal}"
+    first = warned[code].split(";")[0].rstrip(".")
+    helps = f" ({_HELPS[code]})" if code in _HELPS else ""
+    return f"{first[0].lower()}{first[1:]}{helps}; that may be why {refusal}"
 
 
 def with_doubts_settled(messages: Sequence[Message]) -> list[Message]:

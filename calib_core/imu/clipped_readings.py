@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.imu.clipping import LEAST_ACCEL_RANGE_M_S2, LEAST_GYRO_RANGE_RAD_S, clipped_runs, cut_off
+from calib_core.imu.clipping import LEAST_ACCEL_RANGE_M_S2, LEAST_GYRO_RANGE_RAD_S, at_end, clipped_runs, cut_off
 from calib_core.imu.lost_readings import Restored
 from calib_core.types import FloatArray, ImuData
 
@@ -31,18 +31,15 @@ def unclipped(imu: ImuData) -> Restored | None:
     variance, run = np.zeros(read.shape), np.zeros(len(read), dtype=np.int64)
     gyro = imu.gyro_rad_s.copy()
     at_s = (imu.stamps_ns - imu.stamps_ns[0]) * 1e-9
-    for axis, runs in clipped_runs(gyro, LEAST_GYRO_RANGE_RAD_S):
+    for axis, _, runs in clipped_runs(imu.gyro_rad_s, LEAST_GYRO_RANGE_RAD_S):
         for start, end in runs[(runs[:, 0] >= 2) & (runs[:, 1] <= len(read) - 2)].tolist():
             beyond = _beyond(at_s[start - 2 : end + 2], imu.gyro_rad_s[start - 2 : end + 2, axis])
             gyro[start:end, axis] += beyond
             variance[start:end, axis] = beyond**2
             run[start:end] = np.maximum(run[start:end], end - start)
     knocked, range_m_s2 = cut_off(imu.accel_m_s2, LEAST_ACCEL_RANGE_M_S2)
-    for axis, runs in clipped_runs(
-        imu.accel_m_s2, LEAST_ACCEL_RANGE_M_S2
-    ):  # a driver's scales and biases set ends apart
-        for start, end in runs.tolist():
-            knocked[start:end, axis] = True
+    for axis, end_m_s2, _ in clipped_runs(imu.accel_m_s2, LEAST_ACCEL_RANGE_M_S2):  # scales and biases set ends apart
+        knocked[:, axis] |= at_end(imu.accel_m_s2[:, axis], end_m_s2)
     knocked[1:-1] |= knocked[:-2] | knocked[2:]
     variance[:, 3:][knocked] = (_KNOCK * range_m_s2) ** 2
     run[knocked.any(axis=1)] = np.maximum(run[knocked.any(axis=1)], 1)

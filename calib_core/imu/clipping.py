@@ -8,7 +8,8 @@ import numpy as np
 
 from calib_core.types import BoolArray, FloatArray, ImuData, IntArray
 
-#: The narrowest ranges that are sold: 125 deg/s (2.18 rad/s) and 2 g (19.6 m/s2); and a tenth for scale errors.
+#: The narrowest ranges in common use: 125 deg/s (2.18 rad/s) and 2 g (19.6 m/s2); and a tenth for scale errors. There are
+#: narrower ones (75 and 100 deg/s, 1.2 and 1.7 g): an end nearer than these has to be shown by more.
 LEAST_GYRO_RANGE_RAD_S = 1.96
 LEAST_ACCEL_RANGE_M_S2 = 17.6
 #: Of more readings than this share it is said. One in two thousand is a knock.
@@ -24,6 +25,8 @@ _COARSEST = 0.01
 #: A reading beside a flat end is no noise of the end's beyond so many deviations; a run that noise makes once in a thousand
 #: recordings is none.
 _BEYOND, _CHANCE = 5.0, 1e-3
+#: Readings on either side of a run that tell the noise beside it: to a fifth, as the median of so many.
+_BESIDE = 32
 #: The median of a normal law's size, in deviations.
 _MEDIAN_OF_NORMAL = 0.6745
 
@@ -53,27 +56,38 @@ def clipped_share(channels: FloatArray, least_range: float = 0.0) -> float:
     """Share of readings that stay within 0.01 % of an axis's extreme for three readings or more in a row.
 
     A smooth peak leaves its summit as it came, a clipped one's edges are steep.   channels: (Q, 3).   least_range: in the same
-    unit; no sensor clips below it: readings that are alike there are coarse, or repeated by the driver.
+    unit; few sensors clip below it: readings that are alike there may be coarse, repeated by the driver, or of a steady motion,
+    and are clipped where the noise ends with them.
     """
-    shares = [0.0, *(float(np.diff(runs).sum()) / len(channels) for _, runs in clipped_runs(channels, least_range))]
-    return max(shares)
+    shares = np.zeros(channels.shape[1])
+    for axis, _, runs in clipped_runs(channels, least_range):
+        shares[axis] += float(np.diff(runs).sum()) / len(channels)
+    return float(shares.max(initial=0.0))
 
 
-def clipped_runs(channels: FloatArray, least_range: float) -> Iterator[tuple[int, IntArray]]:
-    """Each axis with where it stays at an extreme that cut it off, (R, 2): from the first reading to before the last.
+def clipped_runs(channels: FloatArray, least_range: float) -> Iterator[tuple[int, float, IntArray]]:
+    """Each axis, an extreme that cut it off, and where it stays there, (R, 2): from the first reading to before the last.
 
     Arguments as above.
     """
     for axis in range(channels.shape[1]):
         values = channels[:, axis]
         for extreme in (values.max(), values.min()):
-            if abs(extreme) < least_range or abs(extreme) < 0.2 * np.abs(channels).max() or extreme == 0:
+            if abs(extreme) < 0.2 * np.abs(channels).max() or extreme == 0:
                 continue
-            at = np.abs(values - extreme) <= _ALIKE * abs(extreme)
+            at = at_end(values, extreme)
             edges = np.flatnonzero(np.diff(np.concatenate([[False], at, [False]]).astype(np.int8)))
             runs = edges.reshape(-1, 2)
             runs = runs[np.diff(runs, axis=1)[:, 0] >= _FEWEST]
-            yield axis, runs[_are_cut_off(values, runs)]
+            are_cut_off = _are_cut_off if abs(extreme) >= least_range else _are_without_noise
+            runs = runs[are_cut_off(values, runs)]
+            if len(runs):
+                yield axis, float(extreme), runs
+
+
+def at_end(values: FloatArray, end: float) -> BoolArray:
+    """Which of an axis's readings (Q,) are alike the end of its range."""
+    return np.asarray(np.abs(values - end) <= _ALIKE * abs(end))
 
 
 def _are_cut_off(values: FloatArray, runs: IntArray) -> BoolArray:
@@ -96,12 +110,39 @@ def _are_cut_off(values: FloatArray, runs: IntArray) -> BoolArray:
     return np.asarray(is_steep | (by_noise < _CHANCE))
 
 
-def _step_of(values: FloatArray) -> float:
-    """The step of readings that are multiples of one, or within what others are alike."""
+def _are_without_noise(values: FloatArray, runs: IntArray) -> BoolArray:
+    """Which of an axis's runs (R, 2) at an extreme are cut off, though an end of a range is rare so near.
+
+    Steep edges show nothing there: a platform that turns at a steady rate has them. But its readings keep their noise, and those
+    that are cut off have none. Of n in a row that are alike the chance is as above, of the noise that readings beside the run
+    have. Where any two neighbours are the same more often than that, as of a driver that repeats readings, it is theirs.
+    """
+    if not len(runs):
+        return np.zeros(0, dtype=np.bool_)
+    extreme = values[runs[0, 0]]
+    inside = ~(at_end(values, values.max()) | at_end(values, values.min()))
+    pairs = inside[1:] & inside[:-1]
+    repeated = float(np.mean(np.diff(values)[pairs] == 0.0)) if pairs.any() else 1.0
+    bent = np.abs(np.diff(values, n=2))
+    tells = inside[2:] & inside[1:-1] & inside[:-2]
+    std = _std_bent(bent[tells])
+    near = np.count_nonzero(at_end(values, extreme) | (np.abs(values - extreme) < _BEYOND * std))
+    step = _step_of(values, coarsest=1.0)
+    out = np.zeros(len(runs), dtype=np.bool_)
+    for number, (start, end) in enumerate(runs.tolist()):
+        sides = slice(max(start - _BESIDE, 0), max(start - 2, 0)), slice(end, end + _BESIDE - 2)
+        beside = min(_std_bent(bent[side][tells[side]]) for side in sides)
+        alike = max(step / max(beside * np.sqrt(2.0 * np.pi), 1e-30), repeated)
+        out[number] = near * min(alike, 1.0) ** (end - start - 1) < _CHANCE
+    return out
+
+
+def _step_of(values: FloatArray, coarsest: float = _COARSEST) -> float:
+    """The step of readings that are multiples of one, or within what others are alike. coarsest: share of a range."""
     alike = _ALIKE * float(np.abs(values).max())
     apart = np.diff(np.unique(values))
     apart = apart[apart > _SAME * alike / _ALIKE]
-    if not len(apart) or not alike < apart.min() < _COARSEST * alike / _ALIKE:
+    if not len(apart) or not alike < apart.min() <= coarsest * alike / _ALIKE:
         return alike
     multiples = apart / apart.min()
     return float(apart.min()) if np.abs(multiples - np.round(multiples)).max() < _OFF_GRID else alike
@@ -109,9 +150,12 @@ def _step_of(values: FloatArray) -> float:
 
 def _std_of(values: FloatArray) -> float:
     """The noise of readings [their unit], by what is left of them beside their neighbours' middle."""
-    if len(values) <= _FEWEST:
-        return 0.0
-    return float(np.median(np.abs(np.diff(values, n=2)))) / (_MEDIAN_OF_NORMAL * np.sqrt(6.0))
+    return _std_bent(np.abs(np.diff(values, n=2)))
+
+
+def _std_bent(sizes: FloatArray) -> float:
+    """The same of the sizes of second differences, of which there have to be two: of one it is no noise."""
+    return float(np.median(sizes)) / (_MEDIAN_OF_NORMAL * np.sqrt(6.0)) if len(sizes) > 1 else 0.0
 
 
 def cut_off(channels: FloatArray, least_range: float) -> tuple[BoolArray, float]:

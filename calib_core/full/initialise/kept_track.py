@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 
 from calib_core import record_files
+from calib_core.errors import Refused
 from calib_core.events import Event, LogEvent, StageEvent
 from calib_core.full.initialise.lidar_motion import begin
 from calib_core.full.initialise.proposed_planes import choice_among, joined
+from calib_core.full.initialise.tracking_failures import of_rest
 from calib_core.full.odometry.distance_travelled import require_motion
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
@@ -68,8 +70,11 @@ def follow_or_recall(
     begins: the position of the scan in whose frame the given planes are, where they tell it; None: the one proposed.
     Raises Refused where there is no motion in them.
     """
-    followed = _followed_or_recalled(run, given, folder, begins)
-    require_motion(followed.motions, len(run.recording.scans), followed.planes)
+    try:
+        followed = _followed_or_recalled(run, given, folder, begins)
+        require_motion(followed.motions, len(run.recording.scans), followed.planes)
+    except Refused as refusal:
+        raise of_rest(run, refusal) from None
     return followed
 
 

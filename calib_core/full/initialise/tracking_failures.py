@@ -8,8 +8,9 @@ from calib_core.errors import Refused
 from calib_core.full.initialise.agreement import NO_AGREEMENT, Agreement, mean_rate
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.time_offset import GyroTurns
-from calib_core.full.odometry.distance_travelled import directions_faced, travelled, ways_faced
+from calib_core.full.odometry.distance_travelled import directions_faced, no_motion, travelled, ways_faced
 from calib_core.full.odometry.reference import Followed
+from calib_core.full.prepare.imu_noise import rests_throughout
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray
@@ -38,6 +39,17 @@ def refuse_standing_clouds(run: Run, followed: Followed, gyro_rad_s: FloatArray)
         f"{np.degrees(turned):.0f} deg/s: the clouds are in a frame that does not move with the lidar (a map's or an "
         "odometry's), or the lidar is not fixed to this IMU; record the lidar driver's own clouds",
     )
+
+
+def of_rest(run: Run, refusal: Refused) -> Refused:
+    """The refusal, or that nothing moved where it is about planes and the IMU rests throughout: other planes would not help.
+
+    It is asked only once the planes have failed. An IMU that is shaken by an engine may seem to rest in a gentle motion that the
+    planes of a lidar tell.
+    """
+    if refusal.code.partition(".")[0] != "planes" or not rests_throughout(run.clocks.imu_s, run.recording.imu):
+        return refusal
+    return no_motion("the rig stood still: the IMU feels neither a turn nor an acceleration in the whole recording")
 
 
 def refuse_lost(run: Run, followed: Followed, agreed: Agreement) -> None:

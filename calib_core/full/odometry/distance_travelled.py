@@ -67,8 +67,10 @@ def require_motion(motions: Sequence[ScanMotion], scans: int, planes: Sequence[P
             f"{directions_faced(planes)}; record where three planes that face different directions stay in view"
         )
         raise Refused("planes.lost", lost)
-    stood = (
-        f"{stood_text()}; "
-        "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
-    )
-    raise Refused("motion.none", stood)
+    raise no_motion(stood_text())
+
+
+def no_motion(stood: str) -> Refused:
+    """The refusal of a recording in which nothing moves, with what to record. stood: what stood still, as a clause."""
+    advice = "after a few seconds of standing still, turn it about all three axes and move it for half a minute"
+    return Refused("motion.none", f"{stood}; {advice}")

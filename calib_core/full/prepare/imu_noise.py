@@ -89,6 +89,18 @@ def _at_low_frequencies(white: float, floors: Sequence[Floor], triad: slice) -> 
     return white
 
 
+def rests_throughout(stamps_s: FloatArray, imu: ImuData) -> bool:
+    """Whether the whole of a recording is one standstill of its IMU, but for what is less than a block. stamps_s: (Q,)."""
+    still = longest_still(stamps_s, imu.gyro_rad_s, imu.accel_m_s2)
+    return still is not None and still.start == 0 and len(stamps_s) - still.stop < _block(stamps_s)
+
+
+def _block(stamps_s: FloatArray) -> int:
+    """Readings of a block by which standing still is told."""
+    period = float(np.median(np.diff(stamps_s)))
+    return max(NOISE.fewest_in_block, round(NOISE.block_s / period))
+
+
 def longest_still(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray) -> slice | None:
     """The longest run of samples without motion, or None where there is none to speak of.
 
@@ -98,7 +110,7 @@ def longest_still(stamps_s: FloatArray, gyro: FloatArray, accel: FloatArray) -> 
     """
     values = np.hstack([gyro, accel])
     period = float(np.median(np.diff(stamps_s)))
-    width = max(NOISE.fewest_in_block, round(NOISE.block_s / period))
+    width = _block(stamps_s)
     count = len(values) // width
     if count < NOISE.fewest_blocks:
         return None

@@ -26,6 +26,9 @@ from calib_core.presets import named_imu, named_lidar
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import IntArray, Recording
 
+#: What helps where readings are clipped, as a clause after one that names the sensor.
+LESS_CLIPPED = "move more gently, or widen its range"
+
 
 def require_length(recording: Recording, purpose: str, advice: str = "") -> None:
     """Raises Refused where the recording is too short for anything. purpose: what for, "a calibration"."""
@@ -82,7 +85,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     )
     imu = recording.imu
     if text := clipped_text(shares):
-        text += "; its scale, axes and delay may be wrong because of this: move more gently, or widen its range"
+        text += f"; its scale, axes and delay may be wrong because of this: {LESS_CLIPPED}"
         on_event(LogEvent(level="warning", code="imu.clipped", text=text))
     noise = _imu_noise(recording, settings, clocks, on_event)
     if text := coarse_text(clocks.imu_s, imu, noise.density):

@@ -182,12 +182,17 @@ def test_noise_is_floored_at_the_resolution() -> None:
 
 
 def test_clipping_is_told_from_smooth_peaks() -> None:
-    """Mutation: count single readings at the extreme; leave out that no sensor clips below the narrowest range sold."""
+    """A platform that turns no faster than it may keeps its noise, below ranges in common use; what a range cuts off does not.
+
+    Mutations: count single readings at the extreme; leave out the narrower ranges; tell a platform for one.
+    """
     times = np.arange(2000) / RATE
     smooth = np.stack([np.sin(times), np.sin(1.3 * times), np.sin(2 * times)], 1)
-    assert clipped_share(smooth + np.random.default_rng(0).normal(0, 1e-3, smooth.shape)) == 0.0
+    noise = np.random.default_rng(0).normal(0, 1e-3, smooth.shape)
+    assert clipped_share(smooth + noise) == 0.0
     assert clipped_share(np.clip(smooth, -0.8, 0.8)) > 0.1
-    assert clipped_share(np.clip(0.15 * smooth, -0.12, 0.12), 1.96) == 0.0
+    assert clipped_share(np.clip(0.5 * smooth, -0.4, 0.4) + noise, 1.96) == 0.0
+    assert clipped_share(np.clip(0.5 * smooth + noise, -0.4, 0.4), 1.96) > 0.1
     assert clipped_share(np.clip(4.0 * smooth, -2.18, 2.18), 1.96) > 0.1
 
 

@@ -60,7 +60,7 @@ def test_what_breaks_down_with_sensors_let_go_is_answered_with_them_held(
 
 def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_it() -> None:
     """Seen of a clipped gyroscope: "some planes are not flat". Mutations: any warning; of a refusal that has its own reason; the
-    last cause warned of in the place of the plainest.
+    last cause warned of in the place of the plainest; what helps is not told.
     """
     clipped = Message(
         code="imu.clipped", level="warning", text="the gyroscope is clipped in 12 %: it says less; move gently"
@@ -70,7 +70,8 @@ def test_what_was_warned_of_comes_first_where_a_refusal_names_but_what_came_of_i
     unsettled = Refused("solve.unsettled", "the solve did not converge")
     assert with_cause(unsettled, [other]) == "the solve did not converge"
     assert with_cause(unsettled, [other, clipped]) == (
-        "the gyroscope is clipped in 12 %: it says less; that may be why the solve did not converge"
+        "the gyroscope is clipped in 12 %: it says less (move more gently, or widen its range); that may be why the solve did "
+        "not converge"
     )
     for both in ([clipped, stuck], [stuck, clipped]):
         assert with_cause(unsettled, both).startswith("the gyroscope's x axis is stuck; that may be why")

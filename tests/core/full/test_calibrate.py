@@ -204,6 +204,28 @@ def test_standing_still_is_refused(short: Scenario) -> None:
     assert done.result.messages[-1].level == "error"
 
 
+@pytest.mark.parametrize("ways", [2, 0])
+def test_standing_still_is_refused_as_that_whatever_planes_are_in_view(short: Scenario, ways: int) -> None:
+    """Seen behind 16 lasers: "record where three planes stay in view", while nothing moved. Only points of planes that face so
+    many ways are left, by the simulator's planes; where none, a cloud without any. Mutation: the planes' reason is told.
+    """
+    recording, truth = generate(replace(short, motion=STILL, duration_s=2.5), seed=1)
+    rng = np.random.default_rng(2)
+    normals = np.array([plane.normal for plane in truth.planes])
+    faced = [plane for plane in truth.planes if np.abs(np.cross(normals[:2], plane.normal)).max(axis=1).min() < 1e-6]
+    scans = []
+    for scan in recording.scans:
+        xyz = scan.points["xyz"]
+        near = np.any([np.abs(xyz @ plane.normal + plane.offset_m) < 0.05 for plane in faced], axis=0)
+        points = scan.points[near] if ways else scan.points.copy()
+        if not ways:
+            points["xyz"] = rng.uniform(-5.0, 5.0, xyz.shape)
+        scans.append(replace(scan, points=points))
+    last = calibrate(replace(recording, scans=scans), CalibrateSettings()).result.messages[-1]
+    assert (last.code, last.level) == ("motion.none", "error")
+    assert last.text.startswith("the rig stood still: the IMU feels neither a turn nor an acceleration")
+
+
 @pytest.mark.parametrize(("scans", "readings"), [(9, 1000), (60, 49), (0, 0)])
 def test_too_little_is_refused_before_anything_is_tried(
     clean: tuple[Recording, Truth], scans: int, readings: int

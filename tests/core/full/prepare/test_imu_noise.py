@@ -12,6 +12,7 @@ from calib_core.full.prepare import imu_noise
 from calib_core.full.prepare.imu_noise import (
     longest_still,
     measure_imu_noise,
+    rests_throughout,
 )
 from calib_core.full.prepare.noise_floor import Floor
 from calib_core.full.prepare.prepare import prepare
@@ -21,7 +22,7 @@ from calib_core.presets import find_imu_preset
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.simulate import SCENARIOS, Truth, generate
 from calib_core.simulate.motion import Start
-from calib_core.types import FloatArray
+from calib_core.types import FloatArray, ImuData
 from tests.core.full.conftest import SHORT
 
 GYRO_STD, ACCEL_STD = 2e-3, 0.03
@@ -130,6 +131,20 @@ def test_a_recording_without_standstill_has_none_and_one_that_never_moves_is_all
     whole = longest_still(t, noise[:, :3] + [0.01, 0.0, 0.0], noise[:, 3:] + [0, 0, 9.8])
     assert whole == slice(0, 1000)
     assert longest_still(t[:60], noise[:60, :3], noise[:60, 3:]) is None
+
+
+@pytest.mark.parametrize("moved", [None, slice(0, 50), slice(480, 530), slice(950, 1010)])
+def test_a_recording_rests_throughout_where_nobody_touches_it(moved: slice | None) -> None:
+    """Ten seconds and a rest that is less than a block; touched at its start, in between, or at its end. Mutations: any
+    standstill; its start, its end not asked for; what is left of a block asked for.
+    """
+    rng, t = np.random.default_rng(7), np.arange(1010) / 100.0
+    gyro = 1e-3 * rng.normal(size=(1010, 3)) + [0.01, 0.0, 0.0]
+    accel = 0.01 * rng.normal(size=(1010, 3)) + [0.0, 0.0, 9.8]
+    if moved is not None:
+        gyro[moved, 1] += 0.3
+    imu = ImuData((1e9 * t).astype(np.int64), gyro, accel)
+    assert rests_throughout(t, imu) == (moved is None)
 
 
 @pytest.mark.parametrize(
