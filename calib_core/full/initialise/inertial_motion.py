@@ -60,6 +60,25 @@ class GyroTurning:
 
 
 @dataclass(frozen=True)
+class Unturned:
+    """The turns of a lidar whose gyroscope does not turn: none, whatever the time offset and the rotation between the two.
+
+    Slower turning than AGREEING.least_turning_rad_s is within a third of the standard deviations at which turns are believed.
+    coasts: as in `Turning`.
+    """
+
+    coasts: bool = False
+
+    def between(self, _start_ns: int, _end_ns: int, /) -> FloatArray:
+        """R (3, 3): the same axes."""
+        return np.eye(3)
+
+    def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
+        """Nothing is known of steps."""
+        return None
+
+
+@dataclass(frozen=True)
 class GyroAndSteps:
     """The gyroscope's turns, and the steps from scan to scan that the accelerometer felt along one track.
 

@@ -26,7 +26,13 @@ from calib_core.full.initialise.agreement import (
 from calib_core.full.initialise.by_pairs import pairs_start, tell_turns
 from calib_core.full.initialise.clock_rate import require_one_rate
 from calib_core.full.initialise.inertial_guide import Guide, ImuMotion
-from calib_core.full.initialise.inertial_motion import GyroTurning, TrackCheck, check_track, told_rotation
+from calib_core.full.initialise.inertial_motion import (
+    GyroTurning,
+    TrackCheck,
+    Unturned,
+    check_track,
+    told_rotation,
+)
 from calib_core.full.initialise.proposed_planes import choice_among, joined, matched
 from calib_core.full.initialise.rotation import rotation_start
 from calib_core.full.initialise.settings import AGREEING
@@ -180,7 +186,7 @@ def _aided(
     imu_s, gyro_rad_s = run.clocks.imu_s, run.recording.imu.gyro_rad_s
     rates = gyro_rad_s - np.median(gyro_rad_s, axis=0)
     if float(np.sqrt(np.mean(np.sum(rates**2, axis=1)))) < AGREEING.least_turning_rad_s:
-        return first, NO_AGREEMENT
+        return _unturned(run, first, planes, reference), NO_AGREEMENT
     whole = first.seen >= AGREEING.whole * len(run.recording.scans)
     lidar = lidar_track(run, first)
     own = agreement(lidar, imu_s, gyro_rad_s)
@@ -236,8 +242,25 @@ def _turned(
     found = follow(run, planes, reference, turning=GyroTurning.of(run, starts[0]), may_leave=may_leave)
     if not may_leave or found.leads_on(run):
         return found
-    coasting = follow(run, planes, reference, turning=GyroTurning.of(run, starts[0], coasts=True), may_leave=False)
+    return _or_coasting(run, found, planes, reference, GyroTurning.of(run, starts[0], coasts=True))
+
+
+def _or_coasting(run: Run, found: Followed, planes: Sequence[Plane], reference: int, turning: Turning) -> Followed:
+    """A track, or the one along which a direction may stay open where that leads further. turning: of the latter."""
+    coasting = follow(run, planes, reference, turning=turning, may_leave=False)
     return coasting if coasting.worth(run) > found.worth(run) else found
+
+
+def _unturned(run: Run, first: Followed, planes: Sequence[Plane], reference: int) -> Followed:
+    """The track of a lidar that does not turn, as its gyroscope does not; the one by planes alone where that leads further.
+
+    Left to its points, a lidar of few lasers that sees no floor turns to and fro by degrees instead of moving up and down: its
+    walls fit as well. The rotation, the lag and the lever arm that such a track starts the solve with are false.
+    """
+    found = follow(run, planes, reference, turning=Unturned(), may_leave=False)
+    if not found.leads_on(run):
+        found = _or_coasting(run, found, planes, reference, Unturned(coasts=True))
+    return found if found.seen >= first.seen else first
 
 
 def _felt(

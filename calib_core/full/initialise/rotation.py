@@ -198,6 +198,9 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     # What is smoothed beyond either end is mirrored there, which nothing moved by: a lag that leaves an end out would fit better.
     edge = 3 * math.ceil(width_s * rate)
     lidar_t, lidar = lidar_t[edge:-edge], lidar[edge:-edge]
+    scan = np.clip(np.searchsorted(track.start_s, lidar_t, side="right") - 1, 0, len(track.start_s) - 1)
+    seen = np.eye(3) - (R0.T @ track.unseen @ R0)[scan]
+    lidar = _times(seen, lidar)
     force = np.stack([np.interp(imu_t, imu_s, accel_m_s2[:, i]) for i in range(3)], axis=1)
     force = scipy.ndimage.gaussian_filter1d(force, width_s * rate, axis=0)
     force -= force.mean(axis=0)
@@ -216,9 +219,10 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     def fit(offset_s: float, alike: float) -> RotationStart:
         moved = np.stack([np.interp(lidar_t - offset_s, imu_t, force[:, i]) for i in range(3)], axis=1)
         inside = (lidar_t - offset_s > imu_t[0]) & (lidar_t - offset_s < imu_t[-1])
-        x, y = lidar[inside] - lidar[inside].mean(axis=0), moved[inside] - moved[inside].mean(axis=0)
-        R = nearest_rotation(y.T @ x)
-        rest = float(np.sqrt(np.mean((y - x @ R.T) ** 2) / max(np.mean(y**2), 1e-12)))
+        x, y, told = lidar[inside], moved[inside] - moved[inside].mean(axis=0), seen[inside]
+        R = _of_seen(x, y, told)
+        by_imu = _times(told, y @ R)
+        rest = float(np.sqrt(np.mean((by_imu - x) ** 2) / max(np.mean(by_imu**2), 1e-12)))
         return RotationStart(offset_s, R, np.zeros(3), rest, alike, None)
 
     starts = [
@@ -228,3 +232,22 @@ def acceleration_start(track: LidarTrack, imu_s: FloatArray, accel_m_s2: FloatAr
     return _nearest_first(
         sorted(starts, key=lambda f: f.residual), lambda between: [fit(lag, 0.0).residual for lag in between.tolist()]
     )
+
+
+def _of_seen(lidar: FloatArray, imu: FloatArray, seen: FloatArray) -> FloatArray:
+    """The rotation R with imu = R lidar, (N, 3) each, of what is seen of the latter alone: seen (N, 3, 3).
+
+    What no plane tells is filled with what the IMU has of it under the rotation so far, until that no longer changes.
+    """
+    R = nearest_rotation(imu.T @ lidar)
+    for _ in range(ROTATING.fillings):
+        filled = lidar + imu @ R - _times(seen, imu @ R)
+        R, before = nearest_rotation(imu.T @ (filled - filled.mean(axis=0))), R
+        if np.abs(R - before).max() < ROTATING.filled:
+            break
+    return R
+
+
+def _times(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """Each of the matrices (N, 3, 3) times its vector (N, 3)."""
+    return np.asarray((matrices @ vectors[..., None])[..., 0])

@@ -177,6 +177,11 @@ class Guiding:
 class Rotating:
     """The rotation at each lag."""
 
+    #: judged: passes that fill what no plane tells of an acceleration, at most; and a change of the rotation of so little, a
+    #: hundredth of a degree, ends them: a start is right to degrees.
+    fillings: int = 100
+    filled: float = 2e-4
+
     #: judged: around a lag the rotation is tried so far to each side, in such steps: three steps of the coarse lags, and
     #: what a grid of 20 ms may miss; between them a parabola tells.
     around_s: float = 0.06

@@ -16,6 +16,7 @@ from calib_core.full.joint.policies import PlaneSet
 from calib_core.full.joint.priors import PriorRow, Priors
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.state import CALIBRATION, BiasNodes, Estimate
+from calib_core.full.joint.undetermined import is_turning_felt
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.nuisance import unknowns_of
 from calib_core.full.run import Run
@@ -125,6 +126,7 @@ def begin(
         most_rounds,
         sensors,
         followed.dropped,
+        turned=is_turning_felt(clocks.imu_s, imu.gyro_rad_s, run.noise.density.gyro_rad_s_sqrt_hz),
     )
     return data, state, len(whole) / total
 

@@ -32,6 +32,7 @@ from calib_core.full.joint.undetermined import (
     is_hardly_determined,
     still_undetermined,
     towards_priors,
+    without_lever_arm,
 )
 from calib_core.full.joint.unseen_directions import unseen_counts
 from calib_core.full.prepare.nuisance import named_lasers
@@ -233,6 +234,8 @@ def _held(state: Estimation) -> list[FloatArray]:
 def _known(data: JointData, state: Estimation, information: FloatArray) -> FloatArray:
     """(7, 7), scaled units: what the data alone say of the calibration. information: (S, S), priors included."""
     known = data_information(information, state.priors)
+    if not data.turned:
+        known = without_lever_arm(known)
     if not data.run.settings.estimate_time_offset:
         known[TIME_OFFSET, TIME_OFFSET] = FROZEN
     return known

@@ -13,7 +13,7 @@ import numpy as np
 
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.settings import HOLDING
-from calib_core.full.joint.state import CALIBRATION
+from calib_core.full.joint.state import CALIBRATION, TRANSLATION
 from calib_core.result import AXIS_WORDS, COVARIANCE_ORDER, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.solver.information import marginal
 from calib_core.types import BoolArray, FloatArray
@@ -28,6 +28,13 @@ LIMITS = np.repeat([WEAK_DEG, WEAK_M / 0.01, WEAK_S / 1e-3], (3, 3, 1))
 STANDING = np.array([np.degrees(1.0)] * 3 + [1000.0] * 3 + [10000.0])
 #: Spread of a direction along any parameter, in the scaled units, beyond which it counts as undetermined and is held.
 UNDETERMINED = np.repeat([np.radians(HOLDING.open_deg), HOLDING.open_m, HOLDING.open_s], (3, 3, 1)) / UNITS
+
+
+def without_lever_arm(known: FloatArray) -> FloatArray:
+    """The same information (7, 7) with nothing told of the lever arm."""
+    told = known.copy()
+    told[TRANSLATION, :] = told[:, TRANSLATION] = 0.0
+    return told
 
 
 def data_information(information: FloatArray, priors: Priors) -> FloatArray:
@@ -77,6 +84,19 @@ def is_hardly_determined(data: FloatArray, vector: FloatArray) -> bool:
     """Whether a direction that is held stays so: the data tell of it no more than noise could. vector: (7,), scaled units."""
     spread = 1.0 / np.sqrt(max(float(vector @ data @ vector), 1e-16))
     return bool((np.abs(vector) * spread > HOLDING.let_go * UNDETERMINED).any())
+
+
+def is_turning_felt(imu_s: FloatArray, gyro_rad_s: FloatArray, density_rad_s_sqrt_hz: FloatArray) -> bool:
+    """Whether a gyroscope's readings (Q, 3) turn by more than their own noise (3,); without, nothing tells a lever arm.
+
+    The information knows this only where the motion has come to rest: while it is rough, its errors turn the rig.
+    """
+    span = np.floor((imu_s - imu_s[0]) / HOLDING.felt_over_s).astype(np.int64)
+    count = np.bincount(span)
+    full = count > HOLDING.full_span * np.median(count)
+    rates = np.array([np.bincount(span, axis) for axis in gyro_rad_s.T])[:, full] / count[full]
+    noise = density_rad_s_sqrt_hz**2 / HOLDING.felt_over_s
+    return bool((np.var(rates, axis=1) > HOLDING.felt_times * noise).any())
 
 
 def towards_priors(directions: FloatArray, priors: Priors, at: FloatArray) -> FloatArray:

@@ -33,12 +33,22 @@ from calib_core.types import FloatArray
 class WithinSweeps:
     """How much of the turning that is expected within sweeps their points show: 1 for raw clouds, 0 for straightened ones.
 
-    share: shown over expected.   std: its standard deviation, by how spans scatter.   spans: how many turned enough to tell.
+    share: shown over expected.   std: its standard deviation, by how spans scatter.   misfit: rms of the rates that no share of
+    those expected explains, over the rms of these.   spans: how many turned enough to tell.
     """
 
     share: float
     std: float
+    misfit: float
     spans: int
+
+    def is_off(self, least: float) -> bool:
+        """Whether wrong times make the share other than one: by so much at least, beyond chance, and beyond what bends a track.
+
+        Wrong times make all rates too large or too small by one factor. Planes that are bent, or hardly hold the lidar, bend the
+        rates in every way, and alike from span to span: the share takes its part of that, and its scatter knows nothing.
+        """
+        return abs(self.share - 1.0) > max(least, WITHIN.sigmas * self.std, WITHIN.misfit_share * self.misfit)
 
 
 def turning_within(run: Run, motions: Sequence[ScanMotion]) -> WithinSweeps | None:
@@ -97,7 +107,8 @@ def _share(within_rad_s: FloatArray, expected_rad_s: FloatArray) -> WithinSweeps
     square = np.sum(expected_rad_s**2, axis=1)
     share = float(along.sum() / square.sum())
     std = float(np.sqrt(np.sum((along - share * square) ** 2)) / square.sum())
-    return WithinSweeps(share, std, len(square))
+    misfit = float(np.sqrt(np.sum((within_rad_s - share * expected_rad_s) ** 2) / square.sum()))
+    return WithinSweeps(share, std, misfit, len(square))
 
 
 def require_measured_sweeps(run: Run, motions: Sequence[ScanMotion]) -> None:
@@ -136,7 +147,7 @@ def _require(run: Run, found: WithinSweeps | None, least: float, expected: str, 
             f"the motion was taken out of the clouds before they were recorded, or the points' times are not those of their "
             f"measurement: {shown}; expected 1; record the driver's own clouds, with its motion compensation switched off",
         )
-    if abs(share - 1.0) > max(least_off, wide):
+    if found.is_off(least_off):
         run.say(
             "warning",
             "points.times_off",

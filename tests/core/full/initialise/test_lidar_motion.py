@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from calib_core.calibrate import calibrate
 from calib_core.errors import Refused
 from calib_core.events import LogEvent, never_cancel
 from calib_core.full.initialise.agreement import Agreement
@@ -21,10 +22,13 @@ from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.odometry.reference import Followed, follow
 from calib_core.full.prepare.prepare import prepare
-from calib_core.geometry import exp
+from calib_core.geometry import exp, log
 from calib_core.settings import CalibrateSettings
-from calib_core.simulate import Truth
+from calib_core.simulate import SCENARIOS, Truth, generate
+from calib_core.simulate.motion import Pose
+from calib_core.simulate.motions import SHIFTING, faster
 from calib_core.types import Recording
+from tests.core.full.conftest import SMALL_LIDAR
 from tests.core.full.tracks import begun, track_errors
 
 
@@ -362,3 +366,42 @@ def test_clouds_that_stand_still_within_their_sweeps_are_told_before_the_gyrosco
     with pytest.raises(Refused) as refused:
         begun(noisy[0], given=False)
     assert refused.value.code == "points.straightened"
+
+
+def _sliding(slug: str, *, height_m: float) -> tuple[Recording, Truth]:
+    """A level rig that is slid to and fro in a scenario's room and never turns; of few lasers, which see hardly any floor."""
+    there = SCENARIOS[slug]
+    x_m, y_m, _ = there.motion.base.position_m
+    motion = replace(faster(SHIFTING, 2.0), base=Pose((0.0, 0.0, -135.0), (x_m, y_m, height_m)))
+    imu = SCENARIOS["handheld"].imu
+    return generate(replace(there, motion=motion, lidar=SMALL_LIDAR, duration_s=6.0, imu=imu, outliers=None), seed=1)
+
+
+def test_a_lidar_that_does_not_turn_is_not_followed_as_if_it_did() -> None:
+    """Walls fit as well where it turns instead of moving up and down: by 3 deg and 1 m in all.
+
+    Mutation: the track by its planes alone (`_aided`).
+    """
+    recording, truth = _sliding("ouster", height_m=1.1)
+    found, _ = begun(recording, given=False)
+    turned, moved = track_errors(recording, truth, found)
+    assert turned < 1.5
+    assert moved < 0.2
+    assert found.seen == len(recording.scans)
+
+
+def test_a_rig_that_does_not_turn_is_calibrated_but_for_its_lever_arm() -> None:
+    """Two walls and no floor hold a lidar that is known not to turn; its height the IMU tells. The lever arm is assumed.
+
+    Mutations: the track by its planes alone (`_aided`), which is refused; no direction may stay open (`_unturned`).
+    """
+    recording, truth = _sliding("livox", height_m=1.3)
+    found = calibrate(recording, CalibrateSettings(intrinsics="off")).result
+    assert found.status == "weak"
+    assert found.T_imu_lidar is not None
+    assert found.uncertainty is not None
+    T = np.array(found.T_imu_lidar.matrix)
+    np.testing.assert_allclose(T[:3, 3], 0.0, atol=1e-3)
+    turned_deg = np.degrees(log(truth.R_imu_lidar.T @ T[:3, :3]))
+    assert (np.abs(turned_deg) < 4.0 * np.array(found.uncertainty.rotation_std_deg)).all()
+    assert abs(found.time_offset_s - truth.time_offset_s) < 4.0 * found.uncertainty.time_offset_std_s

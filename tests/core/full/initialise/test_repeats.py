@@ -109,6 +109,27 @@ def test_a_rail_that_goes_to_and_fro_without_turning_has_rounds_too(offset_s: fl
     assert np.abs(np.round(rounds)).min() == 1
 
 
+def test_accelerations_tell_the_rotation_without_what_no_plane_has_seen() -> None:
+    """Two walls tell no height: what the track has of it is false. The rotation is that of what is seen, and exact.
+
+    Mutations: the track's heights believed; what is not seen taken for zero (no `fillings`).
+    """
+    start_s, h = np.arange(0.0, 20.0, SWEEP_S), 1e-3
+    rng = np.random.default_rng(5)
+    every = np.repeat(np.eye(3)[None], len(start_s), axis=0)
+    up = np.array([0.48, 0.6, 0.64])
+    seen_m = _slid(start_s) + 5e-4 * rng.normal(size=(len(start_s), 3))
+    seen_m += np.cumsum(0.05 * rng.normal(size=len(start_s)))[:, None] * up
+    speed_m_s, unseen = (_slid(start_s + SWEEP_S) - _slid(start_s)) / SWEEP_S, np.outer(up, up) + np.zeros_like(every)
+    track = LidarTrack(start_s, np.full(len(start_s), SWEEP_S), every, seen_m, np.zeros_like(seen_m), speed_m_s, unseen)
+    t = np.arange(-5.0, 25.0, 0.005)
+    felt = (_slid(t + h) - 2.0 * _slid(t) + _slid(t - h)) / h**2 + np.array([0.0, 0.0, 9.8])
+    felt = felt @ R_C.T + 0.02 * rng.normal(size=felt.shape)
+    best, *_ = acceleration_start(track, t - 0.031, felt)
+    assert abs(best.time_offset_s - 0.031) < 0.02
+    assert np.degrees(np.linalg.norm(log(R_C.T @ best.R_imu_lidar))) < 2.0
+
+
 def test_a_slow_motion_is_no_repetition_of_itself() -> None:
     """A match that is nearly as good a quarter of a second beside is no round: the best is taken, however far from the stamps.
 

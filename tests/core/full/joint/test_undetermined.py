@@ -12,14 +12,24 @@ from calib_core.events import Event, IterationEvent
 from calib_core.full.assess.observability import assess
 from calib_core.full.assess.weak_sentences import weak_directions
 from calib_core.full.joint import round as round_
+from calib_core.full.joint.estimation import JointData
 from calib_core.full.joint.priors import Held, PriorRow, Priors
 from calib_core.full.joint.settings import HOLDING
-from calib_core.full.joint.undetermined import STANDING, UNITS, is_hardly_determined, still_undetermined, towards_priors
+from calib_core.full.joint.state import TRANSLATION
+from calib_core.full.joint.undetermined import (
+    STANDING,
+    UNITS,
+    is_hardly_determined,
+    is_turning_felt,
+    still_undetermined,
+    towards_priors,
+)
 from calib_core.settings import Axis, CalibrateSettings, Prior
 from calib_core.simulate import Truth, generate
-from calib_core.simulate.motions import ONE_AXIS
+from calib_core.simulate.motions import ONE_AXIS, SHIFTING
 from calib_core.types import FloatArray, Recording
 from tests.core.full.conftest import SHORT
+from tests.core.full.joint.conftest import PLANES_GIVEN, Half
 
 LEVER_ARM: tuple[Axis, ...] = ("tx", "ty", "tz")
 TZ = np.eye(7)[5]
@@ -131,3 +141,50 @@ def test_what_rough_rounds_held_is_let_go_once_all_points_tell_it(
     std_m = float(np.sqrt(result.uncertainty.covariance[5][5]))
     assert std_m < 5e-3
     assert result.T_imu_lidar.translation_m[2] == pytest.approx(truth.p_imu_lidar[2], abs=4.0 * std_m)
+
+
+@pytest.mark.parametrize(("turning_deg_s", "hz", "felt"), [(0.0, 1.0, False), (0.3, 1.0, True), (0.3, 60.0, False)])
+def test_turning_is_felt_beyond_the_gyroscope_s_own_noise(turning_deg_s: float, hz: float, felt: bool) -> None:
+    """Of a biased gyroscope: noise of its density alone, turning about one axis, and the same as a vibration.
+
+    Mutations: each reading by itself, not their means; the bias for turning; only what all three axes feel.
+    """
+    t, density = np.arange(0.0, 12.0, 0.005), 1.5e-4
+    turning = np.radians(turning_deg_s) * np.sin(2.0 * np.pi * hz * t)
+    for seed in range(20):
+        noise = density / np.sqrt(0.005) * np.random.default_rng(seed).normal(size=(len(t), 3))
+        rates = noise + np.array([0.01, -0.02, 0.03])
+        rates[:, 1] += turning
+        assert is_turning_felt(1e9 + t, rates, np.full(3, density)) == felt
+
+
+def test_no_motion_tells_a_lever_arm_that_no_turning_is_felt_for(half: Half) -> None:
+    """However it turns in a rough round: all of the lever arm is held at zero, and not let go at the end.
+
+    Mutation: what the round itself knows (`_known`).
+    """
+    rounds = PLANES_GIVEN.coarse[-1], PLANES_GIVEN.sampling
+    assert half.data.turned
+    assert round_.one_round(half.data, half.state, *rounds).priors.held == ()
+    still = replace(half.data, turned=False)
+    after = round_.one_round(still, half.state, *rounds)
+    held = np.array([each.vector for each in after.priors.held])
+    assert held.shape == (3, 7)
+    np.testing.assert_allclose([each.value for each in after.priors.held], 0.0, atol=1e-9)
+    np.testing.assert_allclose(np.delete(held * UNITS, TRANSLATION, axis=1), 0.0, atol=1e-9)
+    assert round_.released(still, after) is after
+
+
+def test_a_solve_knows_whether_turning_is_felt(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A rig that is slid to and fro. Mutation: `begin` takes it for turned."""
+
+    class Known(Exception):
+        """Enough is known."""
+
+    def spy(data: JointData, *_: object) -> None:
+        raise Known(data.turned)
+
+    monkeypatch.setattr(round_, "hold", spy)
+    recording, _ = generate(replace(SHORT, motion=SHIFTING), seed=2)
+    with pytest.raises(Known, match="False"):
+        calibrate(recording, CalibrateSettings())

@@ -80,6 +80,27 @@ def test_times_in_a_wrong_unit_are_named(tracked: tuple[Run, list[ScanMotion]], 
     )
 
 
+@pytest.mark.parametrize(("bent", "times", "said"), [(0.3, 0.88, 0), (0.03, 0.88, 1), (0.3, 0.55, 1)])
+def test_a_bent_track_does_not_call_off_times(
+    tracked: tuple[Run, list[ScanMotion]], bent: float, times: float, said: int
+) -> None:
+    """Rates bent as a wrong map bends them, by a part of their size across them, alike in every span, and 0.88 times what they
+    should be: by its scatter the share is off one by many sigmas, but one factor explains less of it than the bend.
+
+    Mutation: the misfit left out of `is_off`.
+    """
+    run, motions = tracked
+    axis = np.array([0.6, 0.0, 0.8])
+    rates = [times * m.omega_rad_s + bent * np.cross(axis, m.omega_rad_s) for m in motions]
+    events: list[Event] = []
+    spoilt = [replace(m, omega_rad_s=rate) for m, rate in zip(motions, rates, strict=True)]
+    found = turning_within(run, spoilt)
+    assert found is not None
+    assert abs(found.share - 1.0) > 6.0 * found.std
+    require_measured_sweeps(replace(run, on_event=events.append), spoilt)
+    assert [event.code for event in events if isinstance(event, LogEvent)] == ["points.times_off"] * said
+
+
 def test_what_tells_nothing_is_not_asked(tracked: tuple[Run, list[ScanMotion]]) -> None:
     """A lidar that hardly turns, scans that were bridged, sweeps of no length: clouds as they may well be.
 
@@ -124,7 +145,7 @@ def test_raw_clouds_behind_a_led_track_are_not_called_off(
     """
     run, motions = tracked
     events: list[Event] = []
-    monkeypatch.setattr(within_sweeps, "turning_freed", lambda run, followed: WithinSweeps(share, 0.005, 80))
+    monkeypatch.setattr(within_sweeps, "turning_freed", lambda run, followed: WithinSweeps(share, 0.005, 0.02, 80))
     require_measured_scans(replace(run, on_event=events.append), Followed(0, [], motions))
     assert [event.code for event in events if isinstance(event, LogEvent)] == ["points.times_off"] * said
 
