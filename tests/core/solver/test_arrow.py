@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from calib_core.solver import arrow
-from calib_core.solver.arrow import Eliminated, NotPositiveDefinite, solve_arrow, solve_shared
+from calib_core.solver.arrow import ArrowSolution, Eliminated, NotPositiveDefinite, solve_arrow, solve_shared
 from calib_core.solver.system import ArrowPart, ArrowSystem
 from calib_core.types import FloatArray
 
@@ -324,3 +324,11 @@ def test_another_gradient_goes_through_the_same_elimination(monkeypatch: pytest.
         assert found.predicted_decrease == pytest.approx(-0.5 * float(g @ expected))
         np.testing.assert_allclose(found.information, first.information)
     np.testing.assert_allclose(eliminated.again(system).step, first.step, rtol=1e-8, atol=1e-12)
+
+
+def test_a_covariance_that_many_ask_for_is_made_once() -> None:
+    """And is the information's. Mutations: made at each question; of something else."""
+    information = np.diag([4.0, 1e6, 1e-4])
+    solution = ArrowSolution(np.zeros((0, 9)), np.zeros(3), information, 0.0)
+    np.testing.assert_allclose(solution.covariance.matrix, np.diag([0.25, 1e-6, 1e4]), rtol=1e-12)
+    assert solution.covariance is solution.covariance

@@ -24,6 +24,7 @@ from calib_core.settings import CalibrateSettings
 from calib_core.simulate import generate, parse_faults
 from calib_core.types import FloatArray
 from tests.core.full.answers import errors_of
+from tests.core.full.assess.made_information import solution_of
 
 PRIOR_M = 0.02
 #: By which a place of each axis is beside their middle, and the middle of them all.
@@ -172,17 +173,14 @@ def test_what_was_let_go_along_has_to_show_still(at_mm: float, known_mm: float, 
     information = np.eye(9) / allowed_m**2 + BESIDE @ BESIDE.T / (1e-3 * known_mm) ** 2
     values = np.concatenate([np.zeros(2), 1e-3 * at_mm * beside, [0.0]])
     sensors = _sensors({"eccentricity": 2, "size_effect": 9, "clock_rate": 1}, np.full(12, allowed_m), values)
+    every = np.eye(15)
+    every[5:14, 5:14] = information
     solved: Any = SimpleNamespace(
         nuisance=sensors.blocks,
         estimate=SimpleNamespace(sensors=sensors),
         problem=SimpleNamespace(layout=lambda _: SimpleNamespace(nuisance=lambda: slice(3, 15))),
-        minimum=SimpleNamespace(
-            solution=SimpleNamespace(
-                information=np.block([[np.eye(5), np.zeros((5, 10))], [np.zeros((10, 5)), np.eye(10)]])
-            )
-        ),
+        minimum=SimpleNamespace(solution=solution_of(every)),
     )
-    solved.minimum.solution.information[5:14, 5:14] = information
     assert late_parameters.still_show(solved) is shows
     solved.nuisance = Nuisance()
     assert not late_parameters.still_show(solved)
@@ -200,7 +198,7 @@ def test_a_filter_that_was_let_go_along_has_to_show_still(at_s2: float, std_s2: 
         nuisance=sensors.blocks,
         estimate=SimpleNamespace(sensors=sensors),
         problem=SimpleNamespace(layout=lambda _: SimpleNamespace(nuisance=lambda: slice(0, 12))),
-        minimum=SimpleNamespace(solution=SimpleNamespace(information=np.diag(1.0 / variance))),
+        minimum=SimpleNamespace(solution=solution_of(np.diag(1.0 / variance))),
     )
     assert late_parameters.still_show(solved) is shows
 

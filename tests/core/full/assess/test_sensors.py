@@ -17,6 +17,7 @@ from calib_core.full.prepare.nuisance import MATERIAL, Nuisance, NuisanceBlock
 from calib_core.full.run import LineStd
 from calib_core.intrinsics import NAMES, UNITS, Block
 from calib_core.result import Intrinsic
+from tests.core.full.assess.made_information import solution_of
 
 
 def _found(block: Block, value: float, *, significant: bool = True) -> Intrinsic:
@@ -161,7 +162,7 @@ def test_parts_that_disagree_make_a_sensor_less_sure(wider: float, clock_place: 
     solved: Any = SimpleNamespace(
         nuisance=nuisance,
         estimate=SimpleNamespace(sensors=SensorState(nuisance, np.array([4e-4]))),
-        minimum=SimpleNamespace(solution=SimpleNamespace(information=np.diag([1.0, 1.0, 1e8]))),
+        minimum=SimpleNamespace(solution=solution_of(np.diag([1.0, 1.0, 1e8]))),
         problem=SimpleNamespace(layout=lambda _: layout, sensors=SimpleNamespace(clock_place=clock_place)),
     )
     found = sensor_findings(solved, None, np.array([(wider**2 - 1.0) * 1e-8]), torn=False)
@@ -219,7 +220,7 @@ def test_those_that_would_be_claimed_are_asked_but_for_single_lasers() -> None:
     sensors, std = Nuisance(blocks), np.array([1.0, 2.0, 3.0, 0.1, 0.1, 1e-4])
     estimate = SimpleNamespace(sensors=SensorState(sensors, np.array([2.9, -6.1, 0.0, 5.0, 0.0, 3.1e-4])))
     information = np.diag(np.concatenate([np.full(8, 1.0), 1.0 / std**2]))
-    minimum = SimpleNamespace(solution=SimpleNamespace(information=information))
+    minimum = SimpleNamespace(solution=solution_of(information))
     solved: Any = SimpleNamespace(nuisance=sensors, estimate=estimate, minimum=minimum)
     assert confidence._claimed(solved, 8).tolist() == [1, 5]
 
@@ -245,7 +246,7 @@ def test_a_material_that_places_disagree_about_is_not_told(
         nuisance=made,
         estimate=SimpleNamespace(sensors=SensorState(made, np.array([0.0029, 0.004]))),
         problem=SimpleNamespace(layout=lambda _: SimpleNamespace(nuisance=lambda: slice(8, 10))),
-        minimum=SimpleNamespace(solution=SimpleNamespace(information=information)),
+        minimum=SimpleNamespace(solution=solution_of(information)),
         planes=[SimpleNamespace(name="wall"), SimpleNamespace(name="floor")],
     )
     said = materials.told_materials(solved)
