@@ -7,7 +7,6 @@ biases and descends. Each step takes what is known and gives what is known then.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import gcd
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Bins, Estimate
 from calib_core.full.joint.state_views import frozen_columns, map_pose, outlined_cells, present_view, problem_of
+from calib_core.full.joint.thinning import across_lasers
 from calib_core.full.joint.undetermined import (
     UNITS,
     data_information,
@@ -78,19 +78,6 @@ def _stride_to(target: float, data: JointData, state: Estimation, sampling: Samp
     some = state.positions[:: max(1, len(state.positions) // sampling.typical_scans)]
     typical = np.median(data.run.clocks.scan_points[list(some)])
     return across_lasers(max(1, int(typical // target)))
-
-
-#: The primes in the numbers of lasers on rotors.
-_LASERS_SHARE = 2 * 5
-
-
-def across_lasers(stride: int) -> int:
-    """The nearest stride that visits every laser, the larger of two as near.
-
-    Sweeps list 16, 32, 40, 64, 80 or 128 lasers in turn: each fourth point of them all is that of the same four of sixteen.
-    """
-    tries = (stride + step for away in range(6) for step in (away, -away))
-    return next(each for each in tries if each > 0 and gcd(each, _LASERS_SHARE) == 1)
 
 
 def associate(data: JointData, state: Estimation, gate: Gate, *, stride: int) -> Estimation:
