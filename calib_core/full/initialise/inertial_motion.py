@@ -76,6 +76,24 @@ class Unturned:
 
 
 @dataclass(frozen=True)
+class OwnTurns:
+    """The turns of a lidar that its planes alone tell, while one direction of its place may stay open.
+
+    As of a vehicle on the floor of a corridor: it turns about one axis alone, and no gyroscope's turns are known as the lidar's.
+    """
+
+    coasts: bool = True
+
+    def between(self, _start_ns: int, _end_ns: int, /) -> FloatArray | None:
+        """Nothing else is known of turns."""
+        return None
+
+    def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
+        """Nothing is known of steps."""
+        return None
+
+
+@dataclass(frozen=True)
 class GyroAndSteps:
     """The gyroscope's turns, and the steps from scan to scan that the accelerometer felt along one track.
 
