@@ -314,10 +314,16 @@ def _from_a_sound_stretch(run: Run, known: Known, planes: Sequence[Plane], refer
     rotation = told_rotation(run, lidar)
     if rotation is None or rotation.open_axis_imu is not None:
         return known
-    of_part = check_track(run, part, lidar, rotation)
-    if not of_part.tells:
-        return known
-    return _with_steps(run, _sounder(run, known, planes, reference, ImuMotion.of(run, of_part)), planes, reference)
+    told = check_track(run, part, lidar, rotation)
+    for _ in range(AGREEING.again):
+        if not told.tells:
+            break
+        # Some seconds of motion tell a second more to within what is taken for felt, and those the next ones.
+        before, known = known, _sounder(run, known, planes, reference, ImuMotion.of(run, told))
+        if known is before or known[1] is None or known[0].leads_on(run):
+            break
+        told = known[1]
+    return _with_steps(run, known, planes, reference)
 
 
 def _with_steps(run: Run, known: Known, planes: Sequence[Plane], reference: int) -> Known:
