@@ -18,6 +18,7 @@ import scipy
 
 from calib_core.full.initialise.settings import LINEAR
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
+from calib_core.imu.silence import spans_silence
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -101,7 +102,9 @@ def _fitting(
     R_imu = track.R @ start.R_imu_lidar.T
     gaps = np.diff(track.start_s)
     most_gap_s = max(LINEAR.most_gap_s, LINEAR.usual_gaps * float(np.median(gaps))) if len(gaps) else LINEAR.most_gap_s
-    use = np.flatnonzero((gaps < most_gap_s) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
+    felt = (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1])
+    felt &= ~spans_silence(t, track.start_s[:-1], track.start_s[1:])
+    use = np.flatnonzero((gaps < most_gap_s) & felt)
     T = gaps[use]
     rows = _linear_rows(
         use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, LINEAR.position_std_m, LINEAR.velocity_std_m_s

@@ -32,7 +32,8 @@ class MapPlane:
     outline_m: (K, 3) as given, in the map frame: not in that of the solve, which drifts from it; None where there is none.
     fault: what was wrong with it while gates were wide, "" where nothing was.   chosen: a person wants it, doubtful or not.
     late: it came into view on the way, and nobody was shown it.   strayed: it did not stand still in a motion that all structure
-    has told, of which it may be one of several that were blamed.
+    has told, of which it may be one of several that were blamed.   found_m: how far from the lidar it was found, where it was
+    before the solve; what turns out to be no plane may have come to lie anywhere by then.
     """
 
     name: str
@@ -41,6 +42,7 @@ class MapPlane:
     chosen: bool = False
     late: bool = False
     strayed: bool = False
+    found_m: float | None = None
 
 
 @dataclass

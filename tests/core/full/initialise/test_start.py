@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
+from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.initialise import initialise
 from calib_core.full.initialise.linear import double_integral, linear_start, linear_steps
 from calib_core.full.initialise.rotation import _fit_rotations, rotation_start
@@ -28,6 +29,7 @@ from tests.core.full.initialise.perfect_tracks import (
     ACCEL_BIAS,
     GYRO_BIAS,
     SCENARIO,
+    SWEEP_S,
     imu_readings,
     tracked_lidar,
     truth_of,
@@ -337,6 +339,28 @@ def test_gyro_turns_are_the_products_of_scipys_rotations_and_nothing_beyond_the_
     both = Rotation.from_rotvec([0.0, 0.0, 0.4]) * Rotation.from_rotvec([0.42, 0.0, 0.0])
     expected = np.array([[0.0, 0.0, 0.8], both.as_rotvec() / 1.2, [np.nan] * 3, [np.nan] * 3])
     np.testing.assert_allclose(GyroTurns(t, rate).over(start, end), expected, atol=3e-3)
+
+
+def test_nothing_is_told_of_what_an_imu_was_silent_over() -> None:
+    """Half a second without readings of a motion to and fro: a line from the last reading to the next one is off by 20 deg and
+    half a metre a second. The steps of an exact track that are told are all felt, and none of them lies across the silence.
+
+    Mutations: turns over a silence told; steps over one; a mean rate over one.
+    """
+    truth = truth_of(SCENARIO)
+    track = tracked_lidar(truth, 5.0, 25.0)
+    stamps, gyro, accel = imu_readings(truth, 1.0, 30.0, 0.0)
+    kept = (stamps < 15.02) | (stamps > 15.53)
+    stamps, gyro, accel = stamps[kept], gyro[kept] - GYRO_BIAS, accel[kept]
+    across = (track.start_s + SWEEP_S > 15.02) & (track.start_s < 15.53)
+    turns = GyroTurns(stamps, gyro).over(track.start_s, track.start_s + SWEEP_S)
+    np.testing.assert_array_equal(np.isnan(turns[:, 0]), across)
+    rates = mean_rate(stamps, gyro, track.start_s, track.start_s + SWEEP_S)
+    np.testing.assert_array_equal(np.isnan(rates), across)
+    rotation = RotationStart(0.0, truth.R_imu_lidar, np.zeros(3), 0.0, 1.0, None)
+    steps = linear_steps(track, stamps, accel, rotation, gravity_m_s2=truth.scenario.gravity_m_s2)
+    np.testing.assert_array_equal(steps.step, 1 + np.flatnonzero(~across[1:-1]))
+    assert steps.off_m.max() < 0.02
 
 
 def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
