@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -68,13 +69,17 @@ def initialise(
             rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, ROTATING.open_turns)
         trials.extend(trial(replace(candidate, R_imu_lidar=R)) for R in rotations)
     trials = _of_nearest_lag(run, of_the_turns_lag(trials))
-    chosen = upright(trials, np.array([plane.normal for plane in planes]), trial)
+    chosen = upright(
+        trials,
+        np.array([plane.normal for plane in planes]),
+        partial(linear_steps, lidar, run.clocks.imu_s, imu.accel_m_s2, gravity_m_s2=magnitude),
+    )
     if chosen is not min(trials, key=lambda t: t.misfit):
         run.say(
             "info",
             "start.open_turn",
             "all rotation is about one axis, and the accelerations hardly tell how the IMU is turned about it: the solve starts "
-            "where walls are plumb and floors level",
+            "where walls are plumb, floors level and the lidar stands upright",
         )
     run.stage("initialise", 1.0)
     rotation, linear = chosen.rotation, chosen.linear
