@@ -418,6 +418,25 @@ def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
     np.testing.assert_allclose(p, p_true, atol=1e-3)
 
 
+@pytest.mark.parametrize(("scenario", "asked"), [("no-rotation", False), ("paper-normal", True)])
+def test_sweeps_are_held_against_turns_that_the_gyroscope_has_felt(
+    scenario: str, asked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen: a rig that was shifted about, whose track turned by errors, refused for clouds whose motion was taken out.
+
+    Mutation: asked in any case.
+    """
+    recording, truth = generate(SCENARIOS[scenario], seed=11, duration_s=8.0)
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    motions = true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s)
+    calls = []
+    monkeypatch.setattr(
+        "calib_core.full.initialise.initialise.require_measured_sweeps", lambda *_: calls.append("asked")
+    )
+    initialise(run, motions, truth.planes, None)
+    assert calls == ["asked"] * asked
+
+
 def test_where_only_noise_turns_the_rotation_comes_from_the_accelerations() -> None:
     """A rig shifted about without a turn; the rates within sweeps, that of a tenth of a second's points, turn by 0.05 rad/s.
 
