@@ -14,9 +14,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
 from calib_core.full.assess.late_parameters import still_show, with_late_blocks
+from calib_core.full.assess.odd_planes import without_odd_planes
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.clock_rate import ClocksApart, may_stretch
@@ -25,7 +28,7 @@ from calib_core.full.initialise.settings import CLOCK_RATES
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.data_sheets import beyond_by, beyond_sheets, say_beyond, without_sheet
-from calib_core.full.joint.doubtful_planes import require_sound_choice
+from calib_core.full.joint.doubtful_planes import require_sound_choice, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.kept_motion import KeptMotion
@@ -147,31 +150,57 @@ def judged(run: Run, solved: Solved, task: Task) -> Answer:
     """The answer made of a solve, with its uncertainty. Raises Refused where it cannot be true, or where the planes that a person
     chose do not hold it.
     """
-    is_choice = task.schedule.chosen
-    if is_choice:
+    if task.schedule.chosen:
         require_sound_choice(solved)
-    return answer(run, *weighed(run, solved, is_choice=is_choice), task.lidar)
+    return answer(run, *weighed(run, solved, task.schedule), task.lidar)
 
 
-def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confidence]:
+def weighed(run: Run, solved: Solved, schedule: Schedule) -> tuple[Solved, Confidence]:
     """A solve and what is known of the calibration by it. As long as something of the sensors shows only at the end, the solve
-    goes on with that as an unknown; where that leads nowhere, the one before counts.
+    goes on with that as an unknown; then without small planes that alone are at odds with all others. Where that leads nowhere,
+    the one before counts.
     """
     unsay = run.attempt()
-    trust = weigh(run, solved, is_choice=is_choice)
+    trust = weigh(run, solved, is_choice=schedule.chosen)
     while (late := with_late_blocks(run, solved, trust.found)) is not None:
         unsay()
-        try:
-            further = estimate_further(run, late, FULL)
-            unsay_further = run.attempt()
-            trust = weigh(run, further, is_choice=is_choice)
-        except Refused as refused:
-            if not refused.code.startswith("solve."):
-                raise
+        further = _weighed_further(run, late, schedule)
+        if further is None:
             unsay()
-            return solved, weigh(run, solved, is_choice=is_choice)
-        solved, unsay = further, unsay_further
-    return solved, trust
+            return solved, weigh(run, solved, is_choice=schedule.chosen)
+        solved, trust, unsay = further
+    rules = schedule.planes
+    left = None if rules is None else without_odd_planes(solved, trust.apart, trust.found, rules)
+    if left is None:
+        return solved, trust
+    unsay()
+    kept = {plane.name for plane in left.state.planes}
+    gone = [plane for plane in solved.planes if plane.name not in kept]
+    say_left_out(run, gone, np.zeros((len(gone), 3)))
+    further = _weighed_further(run, left, schedule)
+    if further is not None and _beyond_noise(further[1]) < _beyond_noise(trust):
+        return further[:2]
+    unsay()
+    return solved, weigh(run, solved, is_choice=schedule.chosen)
+
+
+def _beyond_noise(trust: Confidence) -> frozenset[str]:
+    """The ways of taking a recording apart by which its parts disagree."""
+    return frozenset(each.name for each in trust.found if each.is_beyond_noise)
+
+
+def _weighed_further(
+    run: Run, begun: Solved, schedule: Schedule
+) -> tuple[Solved, Confidence, Callable[[], None]] | None:
+    """The solve that goes on from one, what is known by it, and what takes back that this was said; None without an answer."""
+    try:
+        further = estimate_further(run, begun, FULL)
+        unsay = run.attempt()
+        return further, weigh(run, further, is_choice=schedule.chosen), unsay
+    except Refused as refused:
+        if not refused.code.startswith("solve."):
+            raise
+        return None
 
 
 def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> MotionByAll | None:
