@@ -126,7 +126,7 @@ def with_sensors_held(run: Run, task: Task) -> Answer:
     """
     held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
     without = solve(held, task)
-    unsay = run.attempt()
+    unsay, why = run.attempt(), ""
     for begin_from, shows in ((with_late_blocks(run, without, ()), still_show), (without, None)):
         if begin_from is None:
             continue
@@ -137,12 +137,14 @@ def with_sensors_held(run: Run, task: Task) -> Answer:
         except Refused as refused:
             if not refused.code.startswith("solve."):
                 raise
+            if isinstance(refused, SensorsAstray):
+                why = f"; it needs {refused.needed}: check that sensor, if no plane bends or moves"
         unsay()
     text = (
         "with the sensors' own parameters as unknowns the solve found no answer: the parameters are held instead, and the errors "
         "that data sheets allow are counted in the error bars"
     )
-    run.say("warning", "sensor.astray", text)
+    run.say("warning", "sensor.astray", text + why)
     return judged(held, without, task)
 
 

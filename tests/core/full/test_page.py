@@ -241,7 +241,8 @@ def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """That a wall was left out, while it counts in the end. What goes on from an end has all that led there. Mutations: nothing
-    unsaid; all, from the first word; what said that a sheet is not relied on; where it goes on from an end, too.
+    unsaid; all, from the first word; what said that a sheet is not relied on; where it goes on from an end, too; which
+    parameter ran away.
     """
     astray, away = SensorsAstray("laser_elevation", 0.0126, 14.0), Refused("solve.offset_ran_away", "too far")
 
@@ -256,7 +257,8 @@ def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer
     assert told(astray, "end") == ["before", "not relied on", "as auto any"]
     assert told(away, "held", "freed") == ["before", "as consider", "as freed from held"]
     assert told(away, "held", away)[:2] == ["before", "as consider"]
-    assert len(told(away, "held", away)) == 3  # and that the sensors are held
+    assert told(away, "held", away)[2].endswith("are counted in the error bars")  # as the sensors are held
+    assert "it needs a laser elevation 14 times as large as is usual" in told(away, "held", astray)[2]
 
 
 def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pytest.MonkeyPatch) -> None:
