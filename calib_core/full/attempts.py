@@ -3,7 +3,8 @@
     answered                the whole; where data sheets promise too much of a sensor, again with wider priors of its parameters
       solve                 the joint estimation; where propagation spoils it, of the followed scans alone
       judged, weighed       what of it is known; what shows only at the end (`assess/late_parameters.py`) is let in; on it goes
-      with_sensors_held     where the sensors' own parameters run away: they are held first, and let go at the end
+      consistent            where one of the sensors' own parameters runs away: as much is allowed it, if all parts agree then
+      with_sensors_held     otherwise: they are held first, and let go at the end
 
 What an attempt that led nowhere has said is taken back (`Run.attempt`).
 """
@@ -27,7 +28,7 @@ from calib_core.full.initialise.proposed_planes import tracked
 from calib_core.full.initialise.settings import CLOCK_RATES
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.bounds import SensorsAstray
-from calib_core.full.joint.data_sheets import beyond_by, beyond_sheets, say_beyond, without_sheet
+from calib_core.full.joint.data_sheets import beyond_by, beyond_sheets, say_beyond, say_roomy, with_room, without_sheet
 from calib_core.full.joint.doubtful_planes import require_sound_choice, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.first_estimate import begin
@@ -84,7 +85,7 @@ def answered(run: Run, task: Task, further: Callable[[Run], Solved] | None = Non
 
     Where a sensor's own parameters lie beyond what its data sheet allows, all is solved with the wide priors of a sensor that
     nobody knows: from where the solve came to rest if every plane still counts there, otherwise from the start, as the narrow
-    priors may have cost a plane. Where parameters run away instead, see `with_sensors_held`.
+    priors may have cost a plane. Where parameters run away instead, see `consistent` and `with_sensors_held`.
 
     further: makes a solve out of one that has come to rest; None: the task is solved from the start.
     Raises Refused where no attempt gives an answer.
@@ -112,9 +113,32 @@ def answered(run: Run, task: Task, further: Callable[[Run], Solved] | None = Non
     if from_there is None:
         unsay()
     if beyond is None or allowing is None:
-        return with_sensors_held(run, task)
+        roomy = None if beyond is None else with_room(run, beyond)
+        found_roomy = None if roomy is None else consistent(roomy, task)
+        if beyond is None or found_roomy is None:
+            return with_sensors_held(run, task)
+        say_roomy(run, beyond)
+        return found_roomy
     say_beyond(run, beyond)
     return answered(allowing, task, from_there)
+
+
+def consistent(run: Run, task: Task) -> Answer | None:
+    """The answer of a task, if all parts of the recording agree with it; None otherwise. What bends a sensor's parameters beyond
+    all sheets may be a wall or a mount: these have parts disagree, and what the sensor itself does has not.
+    """
+    unsay = run.attempt()
+    try:
+        solved = solve(run, task)
+        if task.schedule.chosen:
+            require_sound_choice(solved)
+        solved, trust = weighed(run, solved, task.schedule)
+        if not _beyond_noise(trust):
+            return answer(run, solved, trust, task.lidar)
+    except Refused:
+        pass
+    unsay()
+    return None
 
 
 def with_sensors_held(run: Run, task: Task) -> Answer:

@@ -159,6 +159,7 @@ def asked_of(
     monkeypatch.setattr(page, "estimate_further", lambda run, solved, schedule: outcome(run, f"freed from {solved}"))
     monkeypatch.setattr(page, "beyond_sheets", lambda found: Beyond("incidence", 5.0) if "beyond" in found else None)
     monkeypatch.setattr(page, "without_sheet", allowing)
+    monkeypatch.setattr(page, "consistent", lambda *_: None)
     monkeypatch.setattr(page, "say_beyond", lambda run, _: run.say("warning", "beyond", "not relied on"))
     monkeypatch.setattr(
         page, "with_late_blocks", lambda run, found, _: Found(f"{found} apart") if "wide" in found else None
@@ -350,6 +351,35 @@ def test_a_solve_is_gone_on_with_where_a_small_plane_is_at_odds(monkeypatch: pyt
         ends["all"] = end_of(name, "wall")
         assert told() == expected, name
         assert told(CHOSEN) == ("all", ["before", "all"])
+
+
+def test_an_answer_with_room_for_a_sensor_counts_where_all_parts_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise nothing was said. Mutations: where parts disagree, too; a refusal let through."""
+    heard = MessageLog(lambda _: None, ())
+    unused: Any = None
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, log=heard)
+    task = page.Task(unused, unused, unused, None, CalibrateSettings())
+
+    def solve(run: Run, _: object) -> str:
+        run.say("info", "solved", "solved")
+        return "end"
+
+    def weighed(_run: Run, solved: str, _schedule: Schedule) -> Any:
+        ways = outcomes.pop(0)
+        if ways is None:
+            raise Refused("motion.undetermined", "no")
+        found = [SimpleNamespace(name=way, is_beyond_noise=True) for way in ways]
+        return solved, SimpleNamespace(found=found)
+
+    monkeypatch.setattr(page, "solve", solve)
+    monkeypatch.setattr(page, "weighed", weighed)
+    monkeypatch.setattr(page, "answer", lambda _run, solved, _trust, _lidar: solved)
+    outcomes: list[tuple[str, ...] | None] = [(), ("time",), None]
+    for expected in ("end", None, None):
+        heard.restore(())
+        found: Any = page.consistent(run, task)
+        assert found == expected
+        assert len(heard.messages) == (expected is not None)
 
 
 def test_what_an_attempt_retracts_is_said_again_where_it_led_nowhere() -> None:
