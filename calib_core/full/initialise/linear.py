@@ -26,7 +26,8 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 class Steps:
     """A linear start and the steps from scan to scan that it was made of. step: (N,) scan before each.   shown_m: (N, 3) map,
     what the track says of it, felt_m: what the IMU does, under the start.   seen: (N, 3, 3) takes from a step what the points
-    tell of it.
+    tell of it.   mean_force_m_s2: (3,) map, of the accelerometer all along: against gravity for what goes nowhere, wherever the
+    track slid.
     """
 
     start: LinearStart
@@ -34,6 +35,7 @@ class Steps:
     shown_m: FloatArray
     felt_m: FloatArray
     seen: FloatArray
+    mean_force_m_s2: FloatArray
 
     @property
     def off_m(self) -> FloatArray:
@@ -137,7 +139,7 @@ def _fitting(
             float(np.sqrt(np.mean((told @ residual) ** 2))),
         )
         felt_m = shown_m + LINEAR.position_std_m * residual[: 3 * len(use)].reshape(-1, 3)
-        return Steps(found, use, shown_m, felt_m, seen)
+        return Steps(found, use, shown_m, felt_m, seen, rotated.mean(axis=0))
 
     return fitted, len(use)
 

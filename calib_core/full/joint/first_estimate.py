@@ -127,6 +127,7 @@ def begin(
         sensors,
         followed.dropped,
         turned=is_turning_felt(clocks.imu_s, imu.gyro_rad_s, run.noise.density.gyro_rad_s_sqrt_hz),
+        only_axis_imu=start.rotation.open_axis_imu,
     )
     return data, state, len(whole) / total
 

@@ -32,6 +32,7 @@ from calib_core.full.joint.undetermined import (
     is_hardly_determined,
     still_undetermined,
     towards_priors,
+    turns_about,
     without_lever_arm,
 )
 from calib_core.full.joint.unseen_directions import unseen_counts
@@ -182,12 +183,16 @@ def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimatio
     """Hold the directions that the data do not determine: translation at zero, the others where they are, both as far as a prior
     does not say otherwise.
 
-    What was held is let go only when the data, judged with it held, say clearly more than noise could.
+    What was held is let go only when the data, judged with it held, say clearly more than noise could. So is the turn about the
+    only axis of a motion, which start values leave where walls are plumb: while the motion is rough it looks known to a degree.
     """
     information = _information(data, state, problem)
     if information is None:
         return state
-    directions = still_undetermined(_known(data, state, information), _held(state))
+    known, before = _known(data, state, information), _held(state)
+    if not before and data.only_axis_imu is not None:
+        before = turns_about(data.only_axis_imu @ state.estimate.R_imu_lidar, known)
+    directions = still_undetermined(known, before)
     if directions.shape[1] == 0:
         return replace(state, priors=replace(state.priors, held=()))
     now = state.priors.calibration_vector(state.estimate) / UNITS

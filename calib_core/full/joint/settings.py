@@ -109,6 +109,8 @@ class Holding:
     #: derived: a direction with so much of its length in the lever arm, within 11 deg of it, is held at zero, others where
     #: they are,
     shift_share: float = 0.98
+    #: derived: one with more than half of its square in a turn is that turn: there is no other.
+    turn_share: float = 0.5
     #: derived: to this part of a unit (1 deg, 10 mm, 1 ms; 1 sigma): fifty times and more below the limits of weak.
     held_std: float = 0.01
     #: derived: turning is felt over as long as a usual sweep: what is faster shakes the gyroscope and turns no lidar; spans that
