@@ -20,9 +20,8 @@ from calib_core.paged import give_back
 
 #: Room for the first parts; each time there is too little, twice as much.
 _FIRST_BYTES = 2**20
-#: What is larger, all columns together, goes to files, which takes four times as long: that of two minutes, or behind a hundred
-#: lasers of half a minute.
-_IN_MEMORY_BYTES = 128 * 2**20
+#: What is larger, all columns together, goes to files, which takes four times as long: that of a minute or two.
+_IN_MEMORY_BYTES = 64 * 2**20
 
 
 class Growing:
