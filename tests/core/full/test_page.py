@@ -305,15 +305,17 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
 def test_a_solve_is_gone_on_with_where_a_small_plane_is_at_odds(monkeypatch: pytest.MonkeyPatch) -> None:
     """Named, and weighed again without it; as it was where planes disagree all the same, or no rest is found.
 
-    Mutations: left out whatever comes of it; left out without a word; asked of planes that a person chose.
+    Mutations: left out whatever comes of it; left out without a word, or without its height; asked of planes that a
+    person chose.
     """
     heard = MessageLog(lambda _: None, [Message(code="first", level="info", text="before")])
     unused: Any = None
     run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, log=heard)
 
     def end_of(name: str, *planes: str) -> Any:
-        named = tuple(MapPlane(each) for each in planes)
-        return SimpleNamespace(name=name, planes=named, state=SimpleNamespace(planes=named))
+        named = tuple(MapPlane(each, found_m=0.6) for each in planes)
+        seen = SimpleNamespace(gravity=np.array([0.0, 0.0, -9.8]), normals=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+        return SimpleNamespace(name=name, planes=named, estimate=seen, state=SimpleNamespace(planes=named))
 
     def weigh(run: Run, solved: Any, *, is_choice: bool) -> Any:
         run.say("info", "weighed", f"{solved.name}")
@@ -340,7 +342,7 @@ def test_a_solve_is_gone_on_with_where_a_small_plane_is_at_odds(monkeypatch: pyt
 
     before = heard.snapshot()
     assert told() == ("all", ["before", "all"])
-    left_out = "table does not fit the motion of the other planes: left out"
+    left_out = "table does not fit the motion of the other planes (0.6 m below the lidar): left out"
     for name, expected in (
         ("walls", ("walls", ["before", left_out, "walls"])),
         ("better", ("better", ["before", left_out, "better"])),
