@@ -14,6 +14,7 @@ import asyncio
 import hmac
 import ipaddress
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
 from http.cookies import CookieError, SimpleCookie
@@ -45,6 +46,8 @@ BODY_PATIENCE_S = 30.0
 #: need not wait for what others of the address have tried. A shorter one may be a word: told apart from wrong ones at once, all
 #: the time, it would be guessed as fast as the server answers.
 LONG_TOKEN = 32
+#: A Host header: a name or an address, and a port of digits: "127.0.0.1:80.example.com" is somebody else's name.
+HOST = re.compile(r"(?P<name>\[[^\[\]]+\]|[^\[\]:]+)(?::[0-9]{0,5})?", re.ASCII)
 #: Dropped from every request: other methods than the one on the line, other addresses than the connection's.
 DROPPED = (b"x-http-method", b"x-method-override", b"x-forwarded-", b"forwarded", b"x-original-", b"x-rewrite-")
 #: Followed by the browser as our own page's wish, so that a cookie that no other site can use goes along.
@@ -237,12 +240,11 @@ class Gatekeeper:
 
 def check_host(host: str) -> None:
     """Raise Refused unless the Host header names this machine's loopback.   host: as sent, with or without a port."""
-    try:
-        name = urlsplit(f"//{host}").hostname or ""
+    found = HOST.fullmatch(host)
+    name = "" if found is None else found["name"].strip("[]").lower()
+    with suppress(ValueError):
         if name == "localhost" or ipaddress.ip_address(name).is_loopback:
             return
-    except ValueError:
-        pass
     raise Refused(
         "host.foreign",
         f"This server answers on this machine's own names only, not as {host!r}; open http://127.0.0.1 with its port.",
