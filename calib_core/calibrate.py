@@ -25,6 +25,7 @@ from calib_core.maps.crispness import crispness_of
 from calib_core.message_log import MessageLog
 from calib_core.method import Answer, Question
 from calib_core.phrasing import counted
+from calib_core.presets import by_preset_names
 from calib_core.recording_break import SILENT, agrees_with_itself, break_of, disagrees
 from calib_core.request import check_priors, each_once, say_unused, with_offset_to_hold
 from calib_core.result import CalibrationResult, Message
@@ -59,6 +60,7 @@ def calibrate(
     started = time.monotonic()
     whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
     findings = [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings]
+    settings = by_preset_names(settings)
     log = MessageLog(ForwardOnly(on_event, PLANNED[settings.method]), findings)
     if settings.excluded_spans_s:
         left_out = len(whole.scans) - len(recording.scans)

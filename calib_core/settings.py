@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -12,6 +12,8 @@ from calib_core.intrinsics import Block
 
 #: Of the calibration: rotation about the lidar's axes, position along the IMU's, time offset; in this order everywhere.
 Axis = Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+#: A sensor's name as people write it.
+SensorName = Annotated[str, Field(max_length=200)]
 
 #: The published algorithm's own choices: the defaults of `method="paper"`.
 PAPER_POINTS_PER_PLANE_PER_SCAN = 100
@@ -158,7 +160,7 @@ class CalibrateSettings(_Settings):
         description="only points whose azimuth is within plus and minus this are used; null: all",
     )
     gravity: Gravity = Field(default=Gravity(), description="what is known of gravity's magnitude")
-    imu_noise: ImuNoise | str | None = Field(
+    imu_noise: ImuNoise | SensorName | None = Field(
         default=None,
         description="a preset's name: its priors and random walks are used, and the noise is measured; or noise densities, "
         "used instead of measured ones; null: measured",
@@ -190,7 +192,9 @@ class CalibrateSettings(_Settings):
         description="the sensors' own parameters; auto: estimated with priors; consider: not estimated, but counted in the "
         "error bars; off: sensors taken as ideal; a list: only the named blocks are estimated",
     )
-    lidar: str | None = Field(default=None, description="name of a lidar preset, for the priors; null: as recognised")
+    lidar: SensorName | None = Field(
+        default=None, description="name of a lidar preset, for the priors; null: as recognised"
+    )
     priors: tuple[Prior, ...] = Field(
         default=(), description="what is known of the calibration beforehand; at most one for each axis"
     )

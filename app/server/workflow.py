@@ -12,7 +12,7 @@ from app.events import JobMoved, JobSaid, RecordingArrived, SampleWanted, ShownC
 from app.jobs.orders import Order, StoredRequest
 from app.jobs.service import JobService
 from app.jobs.state_machine import FINAL
-from app.jobs.stored_parts import UNREADABLE, readable_request
+from app.jobs.stored_parts import UNREADABLE, begins_again, readable_request, request_of
 from app.limits import JobLimits
 from app.planes.service import PlaneService
 from app.recordings.service import reading_of, require_arrived
@@ -135,7 +135,13 @@ class Workflow:
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
 
     def take_up(self) -> None:
-        """After a start of the server: begin what an earlier one left without a job, whatever it died of."""
+        """After a start of the server: begin again what an earlier one ended under, and what it left without a job."""
+        for job in self._jobs.interrupted():
+            if begins_again(job, self._jobs.records_of(job.recording_id)):
+                try:
+                    self._jobs.submit(job.recording_id, job.kind, request_of(job), retry_of=job.id)
+                except ApiError as error:
+                    _LOG.warning("the %s that was interrupted is still to be done: %s", job.kind, error)
         for record in self._recordings.in_states(["inspecting", "receiving"]):
             try:
                 self._take_up(record.id)

@@ -8,6 +8,7 @@ and nobody held it against the sheet itself.
 from __future__ import annotations
 
 from calib_core.presets.find import (
+    by_preset_names,
     find_imu_preset,
     find_imu_prior,
     find_lidar_preset,
@@ -29,6 +30,7 @@ __all__ = [
     "USUAL_WALK",
     "ImuPreset",
     "LidarPreset",
+    "by_preset_names",
     "find_imu_preset",
     "find_imu_prior",
     "find_lidar_preset",
