@@ -6,10 +6,12 @@ import logging
 from collections.abc import Collection
 from contextlib import suppress
 
+from pydantic import ValidationError
+
 from app.bus import Bus
 from app.errors import ApiError, Conflict
 from app.events import JobMoved, JobSaid, RecordingArrived, SampleWanted, ShownChanged
-from app.jobs.orders import Order, StoredRequest
+from app.jobs.orders import READING, Order, StoredRequest
 from app.jobs.service import JobService
 from app.jobs.state_machine import FINAL
 from app.jobs.stored_parts import UNREADABLE, readable_request
@@ -53,6 +55,7 @@ class Orders:
         request = readable_request(job)
         if request is None:
             raise Conflict(UNREADABLE.code, UNREADABLE.text)
+        _require_same_reading(request, record)
         return Order(
             job_id=job.id,
             kind=job.kind,
@@ -101,7 +104,8 @@ class Workflow:
         self._jobs.check_room()
         request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
         if wish.kind == "solve":
-            request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
+            of_reading = {"planes": self._planes.confirmed(record.id), "read_settings": reading_of(record)}
+            request = request.model_copy(update=of_reading)
         return self._jobs.submit(record.id, wish.kind, request)
 
     def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:
@@ -125,14 +129,25 @@ class Workflow:
             self._jobs.submit(record.id, "surface", StoredRequest(surface_of=solved.job_id))
 
     def retry(self, job: JobRecord) -> Job:
-        """A new job with what the ended one was asked for; Conflict while that is under way."""
+        """A new job with what the ended one was asked for; Conflict while that is under way, or would be another solve."""
         if job.state not in FINAL:
             raise Conflict("job.under_way", f"The job is still {job.state}; cancel it first, or wait.")
         request = readable_request(job)
         if request is None:
             raise Conflict(UNREADABLE.code, UNREADABLE.text)
+        request = request.model_copy(update={"read_settings": request.read_settings or self._read_with(job)})
+        record = self._recordings.find(job.recording_id)
+        if record is not None:
+            _require_same_reading(request, record)
         self._jobs.check_room()
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
+
+    def _read_with(self, job: JobRecord) -> ReadSettings | None:
+        """How a solve has read its recording, of which an earlier version kept nothing but this; None where it came to no end."""
+        try:
+            return ReadSettings.model_validate_json((self._files.job(job.id) / READING).read_text(encoding="utf-8"))
+        except (OSError, ValidationError):
+            return None
 
     def take_up(self) -> None:
         """After a start of the server: begin what an earlier one left without a job, whatever it died of."""
@@ -204,3 +219,15 @@ class Workflow:
 
     def _submit(self, record: RecordingRecord, kind: JobKind) -> None:
         self._jobs.submit(record.id, kind, StoredRequest())
+
+
+def _require_same_reading(request: StoredRequest, record: RecordingRecord) -> None:
+    """Raises Conflict where a solve was asked for of the recording as it was read earlier: its planes are in the frame of a scan
+    that may be none any more, and its spans count from another one.
+    """
+    if request.read_settings is not None and request.read_settings != reading_of(record):
+        raise Conflict(
+            "job.read_otherwise",
+            "The recording is read in another way since this solve was asked for, so that its planes and spans no longer fit; "
+            "start a new solve.",
+        )
