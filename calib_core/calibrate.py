@@ -26,7 +26,7 @@ from calib_core.message_log import MessageLog
 from calib_core.method import Answer, Question
 from calib_core.phrasing import counted
 from calib_core.recording_break import SILENT, agrees_with_itself, break_of, disagrees
-from calib_core.request import check_priors, each_once, say_unused, with_offset_to_hold
+from calib_core.request import check_settings, each_once, say_unused, with_offset_to_hold
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.broken_down import arithmetic_or_refused
@@ -55,7 +55,7 @@ def calibrate(
     should_cancel: ShouldCancel = never_cancel,
 ) -> Calibration:
     """The calibration of one recording; arguments and errors as in `calib_core.api.calibrate`."""
-    check_priors(settings, initial_guess)
+    check_settings(settings, initial_guess)
     started = time.monotonic()
     whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
     findings = [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings]

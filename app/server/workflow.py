@@ -28,7 +28,7 @@ from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import RecordingStore
-from app.work.functions import PROPOSED, REPORTED
+from app.work.functions import PROPOSED, REPORTED, meant_guess
 from app.work.head import CLOUD
 from calib_core import api
 from calib_core.events import LogEvent
@@ -100,6 +100,7 @@ class Workflow:
     def start(self, record: RecordingRecord, wish: NewJob) -> Job:
         """A job somebody asked for."""
         require_arrived(record, "start the job")
+        api.check_settings(wish.settings, meant_guess(wish.initial_guess))  # now, and not only when its turn has come
         self._files.cache_key(record)  # refuses where the source is gone
         self._jobs.check_room()
         request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)

@@ -135,7 +135,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         recording,
         wish.settings,
         planes=planes,
-        initial_guess=_guess(wish.initial_guess),
+        initial_guess=meant_guess(wish.initial_guess),
         cache_dir=order.cache / "track",
         on_event=steps,
         should_cancel=should_cancel,
@@ -222,7 +222,8 @@ def _plane(plane: OrderedPlane) -> Plane:
     return Plane(plane.name, normal / length, plane.offset_m / length, outline_m, plane.suggested)
 
 
-def _guess(wire: WireGuess | None) -> InitialGuess | None:
+def meant_guess(wire: WireGuess | None) -> InitialGuess | None:
+    """The start values as the solve takes them. Raises SettingsError where they are no mounting."""
     return None if wire is None else api.make_initial_guess(wire.matrix, wire.time_offset_s, where="the initial guess")
 
 

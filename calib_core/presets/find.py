@@ -12,7 +12,7 @@ from calib_core.presets.imu import IMU_PRESETS
 from calib_core.presets.lidar import LIDAR_MAKERS, LIDAR_PRESETS
 from calib_core.presets.records import ImuPreset, LidarPreset
 from calib_core.presets.walks import USUAL_WALK
-from calib_core.settings import ImuNoise
+from calib_core.settings import CalibrateSettings, ImuNoise
 
 _Preset = TypeVar("_Preset", "ImuPreset", "LidarPreset")
 #: What stands between a name and its number: `bmi-088`, `VLP 16`.
@@ -42,6 +42,14 @@ def named_lidar(text: str) -> LidarPreset:
     if found is None or not (_names_a_model(found, text) or not re.search(r"\d", text)):
         raise _unknown("a lidar", LIDAR_PRESETS, text)
     return found
+
+
+def require_known(settings: CalibrateSettings) -> None:
+    """Raises SettingsError where a sensor is named that no preset is of: it would count as any sensor, in silence."""
+    if isinstance(settings.imu_noise, str):
+        named_imu(settings.imu_noise)
+    if settings.lidar is not None:
+        named_lidar(settings.lidar)
 
 
 def find_lidar_preset(*texts: str) -> LidarPreset | None:

@@ -177,6 +177,47 @@ def test_a_solve_of_an_earlier_version_is_not_run_again_on_another_reading(live)
     assert live.http.post(again).status_code == 201
 
 
+_TZ = {"axis": "tz", "value": 0.1, "std": 0.001}
+_ROWS = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("wish", "said"),
+    [
+        ({"settings": {"random_seed": -1}}, "random_seed: it should be greater than or equal to 0, found -1"),
+        ({"settings": {"random_seed": 10**30}}, "random_seed: it should be less than or equal to 9007199254740991"),
+        ({"settings": {"priors": [_TZ, _TZ]}}, "priors: expected one prior for each axis, found several for tz"),
+        (
+            {"settings": {"gravity": {"magnitude_m_s2": -9.0}}},
+            "magnitude_m_s2: it should be greater than 9, found -9.0",
+        ),
+        (
+            {"settings": {"gravity": {"magnitude_m_s2": 1e300}}},
+            "magnitude_m_s2: it should be less than 10, found 1e+300",
+        ),
+        ({"settings": {"lidar": "lawnmower"}}, "Expected the name of a lidar"),
+        ({"settings": {"imu_noise": "lawnmower"}}, "Expected the name of an IMU"),
+        ({"settings": {"priors": [{**_TZ, "axis": "rx"}]}}, "Expected an initial guess with a rotation"),
+        ({"initial_guess": {"matrix": [row[:3] for row in _ROWS[:3]]}}, "Expected 4 rows of 4 numbers"),
+        ({"initial_guess": {"matrix": [[2.0, 0.0, 0.0, 0.0], *_ROWS[1:]]}}, "Expected a rotation in T_imu_lidar"),
+    ],
+)
+def test_what_no_solve_can_be_asked_is_said_at_once(shared_live, wish, said):
+    """Seen: 201, and a job that failed when its turn came, at times as a defect of the program. The words are the command line's.
+
+    Oracle: no job. Mutations: each check left to the job; a guess that fits refused as well.
+    """
+    recording_id = shared_live.ready()
+    url = f"/api/recordings/{recording_id}/jobs"
+    before = len(shared_live.http.get(url).json())
+    refused = shared_live.http.post(url, json={"kind": "solve", **wish})
+    assert refused.status_code == 422, refused.text
+    assert said in refused.json()["error"]["text"]
+    assert len(shared_live.http.get(url).json()) == before
+    right = {"settings": {"priors": [{**_TZ, "axis": "rx"}], "lidar": "VLP 16"}, "initial_guess": {"matrix": _ROWS}}
+    assert shared_live.http.post(url, json={"kind": "solve", **right}).status_code == 201
+
+
 def test_deleting_a_recording_stops_its_jobs_and_leaves_no_file(live):
     """Oracle: the file system. Mutation: not stopping the job first leaves its folder behind."""
     recording_id = live.upload("stubborn.bag")
