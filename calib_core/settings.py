@@ -22,6 +22,10 @@ PAPER_FIELD_OF_VIEW_DEG = 45.0
 #: Standard deviation of gravity's magnitude once the latitude is known: altitude takes away 0.003 m/s2 a kilometre,
 #: local anomalies are below 0.001 m/s2.
 LATITUDE_GRAVITY_STD_M_S2 = 0.005
+#: Gravity's magnitude on the ground is within these, on every mountain and in every mine.
+LEAST_GRAVITY_M_S2, MOST_GRAVITY_M_S2 = 9.0, 10.0
+#: The largest whole number that every program which reads JSON keeps to the last digit.
+LARGEST_SEED = 2**53 - 1
 #: The largest time offset [s]: stamps are 64-bit nanoseconds, and epochs no further apart than 285 years.
 FARTHEST_S = 9e9
 
@@ -115,7 +119,9 @@ class ImuNoise(_Settings):
 class Gravity(_Settings):
     """Gravity's magnitude: a prior mean and standard deviation; std 0 fixes it."""
 
-    magnitude_m_s2: float = Field(default=9.807, description="mean of the prior")
+    magnitude_m_s2: float = Field(
+        default=9.807, gt=LEAST_GRAVITY_M_S2, lt=MOST_GRAVITY_M_S2, description="mean of the prior"
+    )
     std_m_s2: float = Field(
         default=0.02, ge=0, description="standard deviation of the prior; 0: the magnitude is exact"
     )
@@ -198,7 +204,7 @@ class CalibrateSettings(_Settings):
     priors: tuple[Prior, ...] = Field(
         default=(), description="what is known of the calibration beforehand; at most one for each axis"
     )
-    random_seed: int = Field(default=0, description="seed of the search for planes")
+    random_seed: int = Field(default=0, ge=0, le=LARGEST_SEED, description="seed of the search for planes")
     max_rounds: int = Field(default=12, gt=0, description="the most rounds of associating points to planes and solving")
     crispness: bool = Field(default=True, description="whether to measure how crisp the room is, before and after")
     excluded_spans_s: tuple[tuple[float, float], ...] = Field(
@@ -221,6 +227,15 @@ class CalibrateSettings(_Settings):
             }
             return {**published, **given}
         return given
+
+    @field_validator("priors")
+    @classmethod
+    def _one_for_each_axis(cls, priors: tuple[Prior, ...]) -> tuple[Prior, ...]:
+        axes = [prior.axis for prior in priors]
+        twice = sorted({axis for axis in axes if axes.count(axis) > 1})
+        if twice:
+            raise ValueError(f"expected one prior for each axis, found several for {', '.join(twice)}")
+        return priors
 
     @field_validator("excluded_spans_s")
     @classmethod

@@ -44,6 +44,14 @@ def named_lidar(text: str) -> LidarPreset:
     return found
 
 
+def require_known(settings: CalibrateSettings) -> None:
+    """Raises SettingsError where a sensor is named that no preset is of: it would count as any sensor, in silence."""
+    if isinstance(settings.imu_noise, str):
+        named_imu(settings.imu_noise)
+    if settings.lidar is not None:
+        named_lidar(settings.lidar)
+
+
 def find_lidar_preset(*texts: str) -> LidarPreset | None:
     """The preset that one of the texts (a preset's name, topic, frame id, layout) names, or None."""
     return _find(LIDAR_PRESETS, texts)
