@@ -30,7 +30,12 @@ class AppSettings(BaseSettings):
     port: int = Field(default=8080, ge=0, le=65535, description="port to listen on; 0: any free one")
     data_dir: Path = Field(default_factory=default_data_dir, description="records, uploads, caches and results")
     recordings_dir: Path | None = Field(default=None, description="the server's own recordings, opened in place")
-    token: str | None = Field(default=None, min_length=8, description="what every request shows; None: loopback only")
+    token: str | None = Field(
+        default=None,
+        min_length=8,
+        description="what every request shows; one below 32 characters may have to wait for wrong ones of its address; None: "
+        "loopback only",
+    )
     session_hours: float = Field(
         default=168.0, gt=0, description="how long a browser that has shown the token may stay"
     )

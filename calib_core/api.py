@@ -66,6 +66,7 @@ __all__ = [
     "asks_for_frames",
     "audit",
     "calibrate",
+    "check_settings",
     "covers",
     "deskew",
     "deskew_points",
@@ -232,6 +233,16 @@ def grow_plane(proposals: PlaneProposals, seed_m: FloatArray) -> PlanePatch | No
     from calib_core.full.planes import propose
 
     return propose.grow_plane(proposals, seed_m)
+
+
+def check_settings(settings: CalibrateSettings, initial_guess: InitialGuess | None = None) -> None:
+    """What `calibrate` checks before it looks at a recording, for who has it solved later.
+
+    Raises SettingsError where settings and guess do not fit each other, or name a sensor that no preset is of.
+    """
+    from calib_core import request
+
+    request.check_settings(settings, initial_guess)
 
 
 def calibrate(

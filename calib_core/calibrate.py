@@ -18,15 +18,16 @@ from calib_core.events import PLANNED, ForwardOnly, LogEvent, OnEvent, ShouldCan
 from calib_core.final_messages import since_the_start, with_cause, with_doubts_settled
 from calib_core.full.calibrate import calibrate_full
 from calib_core.full.clock_skew import RATE, ClockSkew, without_skew
-from calib_core.full.planes.propose import find_reference
+from calib_core.full.initialise.given_frame import of_part, told_in
 from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare, require_length
 from calib_core.maps.crispness import crispness_of
 from calib_core.message_log import MessageLog
 from calib_core.method import Answer, Question
 from calib_core.phrasing import counted
+from calib_core.presets import by_preset_names
 from calib_core.recording_break import SILENT, agrees_with_itself, break_of, disagrees
-from calib_core.request import check_priors, each_once, say_unused, with_offset_to_hold
+from calib_core.request import check_settings, each_once, say_unused, with_offset_to_hold
 from calib_core.result import CalibrationResult, Message
 from calib_core.settings import CalibrateSettings
 from calib_core.solver.broken_down import arithmetic_or_refused
@@ -55,23 +56,23 @@ def calibrate(
     should_cancel: ShouldCancel = never_cancel,
 ) -> Calibration:
     """The calibration of one recording; arguments and errors as in `calib_core.api.calibrate`."""
-    check_priors(settings, initial_guess)
+    check_settings(settings, initial_guess)
     started = time.monotonic()
     whole, recording = recording, without_spans(recording, settings.excluded_spans_s)
     findings = [Message(code=f.code, level=f.level, text=f.text) for f in recording.findings]
+    settings = by_preset_names(settings)
     log = MessageLog(ForwardOnly(on_event, PLANNED[settings.method]), findings)
     if settings.excluded_spans_s:
         left_out = len(whole.scans) - len(recording.scans)
         text = f"{counted(left_out, 'scan was', 'scans were')} left out as asked"
         log(LogEvent(level="info", code="scans.excluded", text=text))
-        _check_reference(whole, recording, settings, planes)
     say_unused(settings, log)
     planes = None if planes is None else each_once([facing_the_lidar(plane) for plane in planes], log)
     guess = with_offset_to_hold(recording, settings, initial_guess, log)
     try:
-        answer, recording, log = _answer_of_whole_or_side(
-            recording, Question(settings, planes, guess, cache_dir, log, should_cancel)
-        )
+        question = Question(settings, planes, guess, cache_dir, log, should_cancel)
+        question = _without_spans(question, whole, recording) if settings.excluded_spans_s else question
+        answer, recording, log = _answer_of_whole_or_side(recording, question)
     except Refused as refusal:
         text = with_cause(refusal, log.messages)
         messages = [*log.messages, Message(code=refusal.code, level="error", text=text)]
@@ -141,7 +142,7 @@ def _answer_of_method(recording: Recording, question: Question) -> Answer:
     def solve(stamped: Recording, clock_rate_std_ppm: float) -> Answer:
         run = prepare(stamped, question.settings, log, question.should_cancel)
         run = replace(run, log=log, clock_rate_std_ppm=clock_rate_std_ppm)
-        return calibrate_full(run, question.planes, question.guess, question.cache_dir)
+        return calibrate_full(run, question.planes, question.guess, question.cache_dir, told_at_ns=question.told_at_ns)
 
     def begin_again(skew: ClockSkew) -> None:
         log.restore(before)
@@ -158,34 +159,23 @@ def _answer_of_method(recording: Recording, question: Question) -> Answer:
 
 def _of_one_side(side: Recording, recording: Recording, question: Question) -> Answer | None:
     """The answer of one side of a recording that falls in two; None where it has none that agrees with itself."""
-    if not _holds_reference(recording, side, question.settings, question.planes):
+    of_side = of_part(question, recording, side)
+    if of_side is None:
         return None
     try:
-        answer = _answer(side, question)
+        answer = _answer(side, of_side)
     except Refused:
         return None
     return answer if agrees_with_itself(answer, side) else None
 
 
-def _holds_reference(
-    whole: Recording, kept: Recording, settings: CalibrateSettings, planes: Sequence[Plane] | None
-) -> bool:
-    """Given planes live in the frame of the first usable scan: without that scan they mean nothing."""
-    if planes is None:
-        return True
-    before, _ = find_reference(whole.scans, settings)
-    after, _ = find_reference(kept.scans, settings)
-    return whole.scans[before].stamp_ns == kept.scans[after].stamp_ns
-
-
-def _check_reference(
-    whole: Recording, kept: Recording, settings: CalibrateSettings, planes: Sequence[Plane] | None
-) -> None:
-    """Raises SettingsError where the planes' frame is left out."""
-    if not _holds_reference(whole, kept, settings, planes):
-        before, _ = find_reference(whole.scans, settings)
-        at_s = (whole.scans[before].stamp_ns - whole.scans[0].stamp_ns) * 1e-9
+def _without_spans(question: Question, whole: Recording, kept: Recording) -> Question:
+    """The question about what spans leave of the recording. Raises SettingsError where the planes' frame is left out."""
+    of_kept = of_part(question, whole, kept)
+    if of_kept is None:
+        at_s = (whole.scans[told_in(question, whole)].stamp_ns - whole.scans[0].stamp_ns) * 1e-9
         raise SettingsError(
-            f"Expected excluded spans that keep the scan at {at_s:.2f} s, because the given planes are in its frame; exclude "
-            "another span, or give no planes."
+            f"Expected excluded spans that keep the scan at {at_s:.2f} s, because the chosen planes are in its frame; exclude "
+            "another span, or leave the choice of planes to the program."
         )
+    return of_kept

@@ -21,6 +21,7 @@ class Question:
     guess: start values that are known beforehand; None: all are found.
     cache_dir: folder in which the lidar's motion is kept for the next solve of the same recording; None: nothing is kept.
     log: who hears events; its messages become the result's.
+    told_at_ns: stamp of the scan in whose frame the planes were proposed, where scans were left out since; None: none were.
     """
 
     settings: CalibrateSettings
@@ -29,6 +30,7 @@ class Question:
     cache_dir: Path | None
     log: MessageLog
     should_cancel: ShouldCancel
+    told_at_ns: int | None = None
 
 
 @dataclass(frozen=True)

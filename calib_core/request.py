@@ -12,11 +12,18 @@ from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.planes.settings import PATCHES
 from calib_core.planes.same_plane import same_surface
+from calib_core.presets import require_known
 from calib_core.settings import OBEYED_BY_PAPER, CalibrateSettings
 from calib_core.types import InitialGuess, Level, Plane, Recording
 
 
-def check_priors(settings: CalibrateSettings, guess: InitialGuess | None) -> None:
+def check_settings(settings: CalibrateSettings, guess: InitialGuess | None) -> None:
+    """Raises SettingsError where settings and start do not fit each other, or name a sensor that nobody knows."""
+    require_known(settings)
+    _check_turns(settings, guess)
+
+
+def _check_turns(settings: CalibrateSettings, guess: InitialGuess | None) -> None:
     """Raises SettingsError where a turn is given from nowhere: of the program's own start nobody knows anything beforehand."""
     turns = sorted({prior.axis for prior in settings.priors if prior.axis in ("rx", "ry", "rz")})
     if turns and (guess is None or guess.R_imu_lidar is None):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
@@ -12,6 +12,8 @@ from calib_core.intrinsics import Block
 
 #: Of the calibration: rotation about the lidar's axes, position along the IMU's, time offset; in this order everywhere.
 Axis = Literal["rx", "ry", "rz", "tx", "ty", "tz", "dt"]
+#: A sensor's name as people write it.
+SensorName = Annotated[str, Field(max_length=200)]
 
 #: The published algorithm's own choices: the defaults of `method="paper"`.
 PAPER_POINTS_PER_PLANE_PER_SCAN = 100
@@ -20,6 +22,10 @@ PAPER_FIELD_OF_VIEW_DEG = 45.0
 #: Standard deviation of gravity's magnitude once the latitude is known: altitude takes away 0.003 m/s2 a kilometre,
 #: local anomalies are below 0.001 m/s2.
 LATITUDE_GRAVITY_STD_M_S2 = 0.005
+#: Gravity's magnitude on the ground is within these, on every mountain and in every mine.
+LEAST_GRAVITY_M_S2, MOST_GRAVITY_M_S2 = 9.0, 10.0
+#: The largest whole number that every program which reads JSON keeps to the last digit.
+LARGEST_SEED = 2**53 - 1
 #: The largest time offset [s]: stamps are 64-bit nanoseconds, and epochs no further apart than 285 years.
 FARTHEST_S = 9e9
 
@@ -113,7 +119,9 @@ class ImuNoise(_Settings):
 class Gravity(_Settings):
     """Gravity's magnitude: a prior mean and standard deviation; std 0 fixes it."""
 
-    magnitude_m_s2: float = Field(default=9.807, description="mean of the prior")
+    magnitude_m_s2: float = Field(
+        default=9.807, gt=LEAST_GRAVITY_M_S2, lt=MOST_GRAVITY_M_S2, description="mean of the prior"
+    )
     std_m_s2: float = Field(
         default=0.02, ge=0, description="standard deviation of the prior; 0: the magnitude is exact"
     )
@@ -158,7 +166,7 @@ class CalibrateSettings(_Settings):
         description="only points whose azimuth is within plus and minus this are used; null: all",
     )
     gravity: Gravity = Field(default=Gravity(), description="what is known of gravity's magnitude")
-    imu_noise: ImuNoise | str | None = Field(
+    imu_noise: ImuNoise | SensorName | None = Field(
         default=None,
         description="a preset's name: its priors and random walks are used, and the noise is measured; or noise densities, "
         "used instead of measured ones; null: measured",
@@ -190,11 +198,13 @@ class CalibrateSettings(_Settings):
         description="the sensors' own parameters; auto: estimated with priors; consider: not estimated, but counted in the "
         "error bars; off: sensors taken as ideal; a list: only the named blocks are estimated",
     )
-    lidar: str | None = Field(default=None, description="name of a lidar preset, for the priors; null: as recognised")
+    lidar: SensorName | None = Field(
+        default=None, description="name of a lidar preset, for the priors; null: as recognised"
+    )
     priors: tuple[Prior, ...] = Field(
         default=(), description="what is known of the calibration beforehand; at most one for each axis"
     )
-    random_seed: int = Field(default=0, description="seed of the search for planes")
+    random_seed: int = Field(default=0, ge=0, le=LARGEST_SEED, description="seed of the search for planes")
     max_rounds: int = Field(default=12, gt=0, description="the most rounds of associating points to planes and solving")
     crispness: bool = Field(default=True, description="whether to measure how crisp the room is, before and after")
     excluded_spans_s: tuple[tuple[float, float], ...] = Field(
@@ -217,6 +227,15 @@ class CalibrateSettings(_Settings):
             }
             return {**published, **given}
         return given
+
+    @field_validator("priors")
+    @classmethod
+    def _one_for_each_axis(cls, priors: tuple[Prior, ...]) -> tuple[Prior, ...]:
+        axes = [prior.axis for prior in priors]
+        twice = sorted({axis for axis in axes if axes.count(axis) > 1})
+        if twice:
+            raise ValueError(f"expected one prior for each axis, found several for {', '.join(twice)}")
+        return priors
 
     @field_validator("excluded_spans_s")
     @classmethod

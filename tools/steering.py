@@ -48,6 +48,7 @@ RECORDS = (
     ("planes", "calib_core/full/planes/settings.py", "Search"),
     ("planes", "calib_core/full/planes/settings.py", "Patches"),
     ("planes", "calib_core/full/planes/settings.py", "Judgement"),
+    ("planes", "calib_core/full/planes/settings.py", "Curved"),
     ("odometry", "calib_core/full/odometry/settings.py", "TrackSettings"),
     ("odometry", "calib_core/full/odometry/settings.py", "MapSettings"),
     ("odometry", "calib_core/full/odometry/settings.py", "Following"),

@@ -50,7 +50,10 @@ def read_recording(services: ServicesDep, recording: RecordingDep) -> Recording:
 
 @router.patch("/{recording_id}")
 def change_recording(services: ServicesDep, recording: RecordingDep, change: ChangeRecording) -> Recording:
-    """Rename, choose topics and time span, overrule what was detected. A changed read setting inspects again."""
+    """Rename, choose topics and time span, overrule what was detected. A changed read setting inspects again.
+
+    It also stops all jobs of the recording that wait or run, solves among them: they are of how it was read before.
+    """
     return services.recordings.change(recording, change)
 
 

@@ -24,7 +24,8 @@ def read_server_facts(services: ServicesDep) -> ServerFacts:
 
 @router.get("/api/folder")
 def list_folder(
-    services: ServicesDep, path: Annotated[str, Query(description="below the recordings folder; '' is its top")] = ""
+    services: ServicesDep,
+    path: Annotated[str, Query(description="below the recordings folder; '' is its top")] = "",
 ) -> FolderListing:
     """A folder of the server's own recordings, which open without an upload."""
     return services.folder.listing(path)

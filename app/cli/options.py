@@ -17,6 +17,8 @@ from calib_core.intrinsics import UNITS, Block
 from calib_core.presets import named_imu, named_lidar
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
+    LEAST_GRAVITY_M_S2,
+    MOST_GRAVITY_M_S2,
     PAPER_FIELD_OF_VIEW_DEG,
     PAPER_POINTS_PER_PLANE_PER_SCAN,
     Axis,
@@ -37,6 +39,8 @@ _AXIS_UNITS: dict[str, dict[str, float]] = {
     "t": {"": 1.0, "m": 1.0, "mm": 1e-3},
     "d": {"": 1.0, "s": 1.0, "ms": 1e-3},
 }
+#: What is called otherwise on the command line.
+_OPTIONS = {"priors": "prior"}
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PRIOR = re.compile(rf"(?P<axis>[a-z]+)=(?P<value>{_NUMBER})(?:\+-|\+/-|±)(?P<std>{_NUMBER})(?P<unit>[a-z]*)")
 
@@ -78,7 +82,7 @@ def solve_settings(chosen: argparse.Namespace) -> CalibrateSettings:
 
 def _unfit(error: ValidationError) -> SettingsError:
     first = error.errors()[0]
-    option = "-".join(str(part) for part in first["loc"]).replace("_", "-")
+    option = "-".join(_OPTIONS.get(part, part) for part in map(str, first["loc"])).replace("_", "-")
     what = f"The option --{option} does" if option else "These options do"
     return SettingsError(f"{what} not fit: {misfit(first)}; correct it")
 
@@ -119,11 +123,11 @@ def parse_gravity(text: str) -> Gravity:
         value = math.nan
     if colon and place == "latitude" and abs(value) <= 90.0:
         return Gravity(magnitude_m_s2=gravity_at_latitude_m_s2(value), std_m_s2=LATITUDE_GRAVITY_STD_M_S2)
-    if not colon and 9.0 < value < 10.0:
+    if not colon and LEAST_GRAVITY_M_S2 < value < MOST_GRAVITY_M_S2:
         return Gravity(magnitude_m_s2=value, std_m_s2=0.0)
     raise SettingsError(
-        f"Expected `free`, a magnitude between 9 and 10 m/s², or `latitude:DEG` for --gravity, but found `{text}`; "
-        "give one of these."
+        f"Expected `free`, a magnitude between {LEAST_GRAVITY_M_S2:g} and {MOST_GRAVITY_M_S2:g} m/s², or `latitude:DEG` for "
+        f"--gravity, but found `{text}`; give one of these."
     )
 
 
@@ -195,13 +199,8 @@ def parse_numbers(text: str, count: int, option: str, example: str) -> list[floa
 
 
 def parse_priors(texts: Sequence[str]) -> tuple[Prior, ...]:
-    """All `--prior` options; an axis may come once."""
-    priors = tuple(parse_prior(text) for text in texts)
-    axes = [prior.axis for prior in priors]
-    twice = sorted({axis for axis in axes if axes.count(axis) > 1})
-    if twice:
-        raise SettingsError(f"Expected one --prior for each axis, but found several for {', '.join(twice)}; keep one.")
-    return priors
+    """All `--prior` options."""
+    return tuple(parse_prior(text) for text in texts)
 
 
 def parse_spans(texts: Sequence[str]) -> tuple[tuple[float, float], ...]:

@@ -22,6 +22,9 @@ from app.settings import AppSettings
 from calib_core.errors import InputError
 from calib_core.validation_messages import misfit
 
+#: Randomness of a token that nobody gave.
+MADE_TOKEN_BYTES = 24
+
 
 def serve_until_stopped(
     *,
@@ -103,7 +106,7 @@ def server_settings(
     }
     changes: dict[str, object] = {name: value for name, value in given.items() if value is not None}
     if settings.token is None and not settings.is_loopback():
-        changes["token"] = secrets.token_urlsafe(24)
+        changes["token"] = secrets.token_urlsafe(MADE_TOKEN_BYTES)
     return settings.model_copy(update=changes)
 
 

@@ -16,6 +16,8 @@ from calib_core.settings import CalibrateSettings, ReadSettings
 
 #: A sample is the same recording for everybody.
 SAMPLE_SEED = 1
+#: The file of a solve that says how its recording was read.
+READING = "reading.json"
 
 
 class _Parcel(BaseModel):
@@ -43,6 +45,10 @@ class StoredRequest(_Parcel):
     settings: CalibrateSettings = CalibrateSettings()
     initial_guess: InitialGuess | None = None
     planes: tuple[OrderedPlane, ...] | None = None
+    read_settings: ReadSettings | None = Field(
+        default=None,
+        description="of a solve, how its recording was read, which its planes and spans are of; None: unknown",
+    )
     audit: NewAudit | None = None
     surface_of: RecordId | None = Field(default=None, description="the solve whose room a surface is laid through")
     client: str = Field(default="", max_length=100, description="who asked, for the queue's sake; '' is nobody known")

@@ -109,6 +109,16 @@ class JobService:
         """The recording's jobs as kept, newest first."""
         return self._store.of_recording(recording_id)
 
+    def interrupted(self) -> list[JobRecord]:
+        """Jobs under which a server ended, and which no later one of the kind and recording has made up for; oldest first."""
+        found = self._store.in_states(["interrupted"])
+        newest = {
+            (job.kind, job.recording_id): job.id
+            for recording_id in {job.recording_id for job in found}
+            for job in reversed(self._store.of_recording(recording_id))
+        }
+        return [job for job in found if newest.get((job.kind, job.recording_id)) == job.id]
+
     def wire(self, record: JobRecord) -> Job:
         """The job as the wire carries it."""
         return self._states.wire(record)

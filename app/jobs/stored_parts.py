@@ -9,10 +9,14 @@ from pydantic import TypeAdapter, ValidationError
 from app.jobs.orders import StoredRequest
 from app.jobs.state_machine import FINAL
 from app.schemas.common import ErrorFacts
-from app.schemas.jobs import Outcome, SolveOutcome
+from app.schemas.jobs import JobKind, Outcome, SolveOutcome
 from app.storage.records import JobRecord
 
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
+#: What begins by itself for a recording, and again after the server ended under it.
+BY_ITSELF: frozenset[JobKind] = frozenset({"simulate", "inspect", "planes"})
+#: So often in a row a job is interrupted before it counts as what ends the server.
+MOST_INTERRUPTIONS = 3
 UNREADABLE = ErrorFacts(
     code="job.unreadable", text="What this job was asked for cannot be read any more; start it anew from its screen."
 )
@@ -70,3 +74,17 @@ def answering(records: Sequence[JobRecord]) -> JobRecord | None:
             if isinstance(outcome, SolveOutcome) and outcome.status != "refused":
                 return record
     return None
+
+
+def begins_again(job: JobRecord, records: Sequence[JobRecord]) -> bool:
+    """Whether a server that starts runs an interrupted job again by itself.   records: of its recording."""
+    if job.kind not in BY_ITSELF:
+        return False
+    by_id = {record.id: record for record in records}
+    interruptions, one = 0, job
+    while one.state == "interrupted":
+        interruptions += 1
+        if one.retry_of not in by_id:
+            break
+        one = by_id[one.retry_of]
+    return 0 < interruptions < MOST_INTERRUPTIONS

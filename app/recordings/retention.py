@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 
-from app.errors import ApiError, NotFound
+from app.errors import ApiError, Conflict, NotFound
 from app.jobs.service import JobService
 from app.jobs.state_machine import FINAL
 from app.logs import about
@@ -106,7 +106,7 @@ class Keeping:
     def _remove_stale_arrays(self, record: RecordingRecord) -> None:
         try:
             current = self._files.cache(record)
-        except NotFound:  # its source is gone for now: a disk that is not there may come back
+        except (NotFound, Conflict):  # its source is still to come, or gone for now: a disk may come back
             return
         for folder in current.parent.glob("*"):
             if folder != current:

@@ -130,7 +130,7 @@ class RecordingService:
     def _has_planes(self, record: RecordingRecord) -> bool:
         try:
             return has_proposals(proposal_arrays(self._files.cache(record)))
-        except NotFound:  # its source is gone, or is still to come
+        except (NotFound, Conflict):  # its source is gone, or is still to come
             return False
 
     def received_bytes(self, record: RecordingRecord) -> int:

@@ -16,6 +16,8 @@ from app.storage.records import RecordingRecord
 from calib_core.result import CalibrationResult
 from calib_core.settings import (
     LATITUDE_GRAVITY_STD_M_S2,
+    LEAST_GRAVITY_M_S2,
+    MOST_GRAVITY_M_S2,
     CalibrateSettings,
     Gravity,
     ImuNoise,
@@ -138,7 +140,7 @@ def _sensor_words(settings: CalibrateSettings) -> list[str]:
 def _gravity_word(gravity: Gravity) -> str | None:
     if gravity == Gravity():
         return "free"
-    if gravity.std_m_s2 == 0.0 and 9.0 < gravity.magnitude_m_s2 < 10.0:
+    if gravity.std_m_s2 == 0.0 and LEAST_GRAVITY_M_S2 < gravity.magnitude_m_s2 < MOST_GRAVITY_M_S2:
         return repr(gravity.magnitude_m_s2)
     if gravity.std_m_s2 == LATITUDE_GRAVITY_STD_M_S2:
         latitude_deg = _latitude_deg(gravity.magnitude_m_s2)

@@ -11,7 +11,7 @@ from fastapi import Response
 from pydantic import BaseModel, ValidationError
 
 from app.errors import BadRequest, Conflict
-from app.jobs.orders import StoredRequest
+from app.jobs.orders import READING, StoredRequest
 from app.jobs.service import JobService
 from app.jobs.state_machine import SENTENCES
 from app.results.command import Found, command_of, found_by
@@ -83,7 +83,7 @@ class ResultService:
 
     def command(self, job: JobRecord, recording: RecordingRecord, *, guest: bool = False) -> Command:
         """The same run on the command line.   guest: sees one recording by its name, and no folder."""
-        path = self._files.job(job.id) / "reading.json"
+        path = self._files.job(job.id) / READING
         reading = _kept(path, ReadSettings) or ReadSettings.model_validate_json(recording.read_settings_json)
         found = Found(recording.name) if guest else found_by(recording, self._below(self._files.source(recording)))
         request = StoredRequest.model_validate_json(job.request_json)

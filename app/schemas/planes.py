@@ -9,7 +9,9 @@ from pydantic import Field
 from app.schemas.common import WireModel
 
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
-PatchIndex = Annotated[int, Field(ge=0, description="position in the list of patches at `expected_revision`")]
+PatchIndex = Annotated[
+    int, Field(ge=0, strict=True, description="position in the list of patches at `expected_revision`")
+]
 
 
 class Patch(WireModel):
@@ -76,7 +78,9 @@ class Planes(WireModel):
 
 class _Operation(WireModel):
     expected_revision: int | None = Field(
-        default=None, description="refuse with 409 if the planes have changed since; null: apply to whatever is there"
+        default=None,
+        strict=True,
+        description="refuse with 409 if the planes have changed since; null: apply to whatever is there",
     )
 
 
@@ -154,7 +158,7 @@ class Restrict(_Operation):
         description="the half-spaces whose intersection is kept",
     )
     index: int | None = Field(
-        default=None, ge=0, description="the patch to restrict; null: all, and what is grown later"
+        default=None, ge=0, strict=True, description="the patch to restrict; null: all, and what is grown later"
     )
 
 

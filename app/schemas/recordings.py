@@ -7,7 +7,7 @@ from typing import Literal, Self
 
 from pydantic import ConfigDict, Field, model_validator
 
-from app.schemas.common import ErrorFacts, RecordId, WireModel, described_by
+from app.schemas.common import ErrorFacts, NameInFile, RecordId, WireModel, described_by
 from app.schemas.jobs import Job
 from calib_core.doctor.report import DoctorReport, Verdict
 from calib_core.settings import CalibrateSettings, ReadSettings
@@ -47,7 +47,9 @@ class OpenRecording(WireModel):
     """Open a recording of the server's own folder, or make a sample. Exactly one of the two."""
 
     folder_path: str | None = Field(default=None, description="path below the server's recordings folder")
-    sample: str | None = Field(default=None, description="a scenario named by GET /api/info", examples=["paper-normal"])
+    sample: NameInFile | None = Field(
+        default=None, description="a scenario named by GET /api/info", examples=["paper-normal"]
+    )
 
     @model_validator(mode="after")
     def exactly_one(self) -> Self:
@@ -67,11 +69,11 @@ class ChangeRecording(WireModel):
 
     name: str | None = Field(default=None, min_length=1, max_length=200, description="what people call it")
     note: str | None = Field(default=None, max_length=2000, description="what a person writes about it; empty: nothing")
-    lidar_topic: str | None = None
-    imu_topic: str | None = None
+    lidar_topic: NameInFile | None = None
+    imu_topic: NameInFile | None = None
     start_s: float | None = Field(default=None, ge=0, examples=[2.0])
     end_s: float | None = Field(default=None, gt=0, examples=[32.0])
-    point_time_field: str | None = None
+    point_time_field: NameInFile | None = None
     point_time_unit: Literal["s", "ms", "us", "ns"] | None = None
     point_time_reference: Literal["header-first", "header-last", "absolute"] | None = None
     synthesise_point_time: bool | None = None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from app.jobs.state_machine import FINAL, SENTENCES
-from app.jobs.stored_parts import error_of, outcome_of
+from app.jobs.stored_parts import MOST_INTERRUPTIONS, begins_again, error_of, outcome_of
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import JobKind, JobState, SimulateOutcome
 from app.schemas.recordings import RecordingState
@@ -17,6 +17,11 @@ TELLING: frozenset[JobKind] = frozenset({"simulate", "inspect"})
 REPORT_LOST = ErrorFacts(
     code="recording.report_lost",
     text="The report on this recording was written and cannot be read any more; have the recording read again.",
+)
+KEEPS_STOPPING = ErrorFacts(
+    code="job.interrupted",
+    text=f"The server stopped {MOST_INTERRUPTIONS} times in a row while this recording was being read, which may be the reason: "
+    "choose a shorter time span, or have it inspected again.",
 )
 
 
@@ -40,7 +45,11 @@ class Consequences:
         """The columns that change with the job's new state; none where it does not matter, or a newer job of its kind tells."""
         if job.kind not in TELLING or self._is_outdone(job):
             return {}
+        if begins_again(job, self._jobs.of_recording(job.recording_id)):
+            return {"state": state_after(job.kind, "queued"), "error_json": None}
         state = state_after(job.kind, job.state)
+        if job.state == "interrupted":
+            return {"state": state, "error_json": KEEPS_STOPPING.model_dump_json()}
         if state == "failed":
             error = error_of(job) or ErrorFacts(code=f"job.{job.state}", text=SENTENCES[job.state])
             return {"state": state, "error_json": error.model_dump_json()}

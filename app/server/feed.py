@@ -27,7 +27,10 @@ KEPT_MESSAGES = 256
 
 
 class RecordingFeed:
-    """One journal of JSON texts per recording that is or was looked at. Message ids are `{server start}-{number}`."""
+    """One journal of JSON texts per recording that is or was looked at. Message ids are `{server start}-{number}`.
+
+    Numbers count from 1: a resync has that of the message before it, where there is none as well.
+    """
 
     def __init__(self) -> None:
         self._boot = uuid.uuid4().hex[:8]
@@ -70,7 +73,7 @@ class RecordingFeed:
     def _journal(self, recording_id: str) -> Journal[str]:
         with self._lock:
             if recording_id not in self._journals:
-                self._journals[recording_id] = Journal(limit=KEPT_MESSAGES)
+                self._journals[recording_id] = Journal(first=1, limit=KEPT_MESSAGES)
                 if self._closed:
                     self._journals[recording_id].close()
             return self._journals[recording_id]
@@ -88,4 +91,4 @@ class RecordingFeed:
 
     def _event(self, number: int, line: str) -> RecordingMessage:
         # Already JSON: FastAPI passes a ServerSentEvent on as it is; the annotation documents its data.
-        return cast(RecordingMessage, ServerSentEvent(raw_data=line, id=f"{self._boot}-{max(number, 0)}"))
+        return cast(RecordingMessage, ServerSentEvent(raw_data=line, id=f"{self._boot}-{number}"))

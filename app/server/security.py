@@ -2,7 +2,7 @@
 
 Host      on loopback only the names of this machine: a foreign name that resolves to 127.0.0.1 is an attack
 token     where one is set: a session's cookie, `Authorization: Bearer`, or `?token=` once, which begins a session;
-          wrong ones are braked by address. `?share=` begins a look at one recording, which can only read
+          wrong ones are braked by address (brake.py). `?share=` begins a look at one recording, which can only read
 Origin    on everything that changes state and on every websocket: our own, or one that the settings allow
 size      of every body but an upload's, and the time it takes to arrive
 headers   that tell servers to take one request for another are dropped: nothing behind this can obey them
@@ -14,6 +14,7 @@ import asyncio
 import hmac
 import ipaddress
 import re
+from contextlib import suppress
 from dataclasses import dataclass
 from html import escape
 from http.cookies import CookieError, SimpleCookie
@@ -41,6 +42,12 @@ OPEN_PATHS = frozenset({"/healthz", "/readyz"})
 UPLOADS = re.compile(rf"POST /api/uploads|PATCH /api/uploads/{ID_DIGITS}|PUT /api/recordings/upload", re.ASCII)
 #: The next part of a small body has to be here within this.
 BODY_PATIENCE_S = 30.0
+#: A token of so many characters, as those that the server makes, is out of reach of guessing at any rate, and whoever shows it
+#: need not wait for what others of the address have tried. A shorter one may be a word: told apart from wrong ones at once, all
+#: the time, it would be guessed as fast as the server answers.
+LONG_TOKEN = 32
+#: A Host header: a name or an address, and a port of digits: "127.0.0.1:80.example.com" is somebody else's name.
+HOST = re.compile(r"(?P<name>\[[^\[\]]+\]|[^\[\]:]+)(?::[0-9]{0,5})?", re.ASCII)
 #: Dropped from every request: other methods than the one on the line, other addresses than the connection's.
 DROPPED = (b"x-http-method", b"x-method-override", b"x-forwarded-", b"forwarded", b"x-original-", b"x-rewrite-")
 #: Followed by the browser as our own page's wish, so that a cookie that no other site can use goes along.
@@ -127,14 +134,16 @@ class Gatekeeper:
 
     def _shows_token(self, scope: Scope, *shown: str) -> bool:
         """Whether the token is among these. The only place that compares: whoever shows a wrong one waits before the next."""
-        tried, token = [one.encode() for one in shown if one], self._settings.token
+        tried, token, address = [one.encode() for one in shown if one], self._settings.token, _address(scope)
         if not tried or token is None:
             return False
-        self._brake.check(_address(scope))
-        if any(hmac.compare_digest(one, token.encode()) for one in tried):
+        is_right = any(hmac.compare_digest(one, token.encode()) for one in tried)
+        if is_right and len(token) >= LONG_TOKEN:
             return True
-        self._brake.wrong(_address(scope))
-        return False
+        self._brake.check(address)
+        for one in () if is_right else tried:
+            self._brake.wrong(address, one)
+        return is_right
 
     def _shared(self, scope: Scope, headers: Headers) -> str | None:
         """The recording that a link in the address or in its cookie shows."""
@@ -231,12 +240,11 @@ class Gatekeeper:
 
 def check_host(host: str) -> None:
     """Raise Refused unless the Host header names this machine's loopback.   host: as sent, with or without a port."""
-    try:
-        name = urlsplit(f"//{host}").hostname or ""
+    found = HOST.fullmatch(host)
+    name = "" if found is None else found["name"].strip("[]").lower()
+    with suppress(ValueError):
         if name == "localhost" or ipaddress.ip_address(name).is_loopback:
             return
-    except ValueError:
-        pass
     raise Refused(
         "host.foreign",
         f"This server answers on this machine's own names only, not as {host!r}; open http://127.0.0.1 with its port.",

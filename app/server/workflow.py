@@ -6,13 +6,15 @@ import logging
 from collections.abc import Collection
 from contextlib import suppress
 
+from pydantic import ValidationError
+
 from app.bus import Bus
 from app.errors import ApiError, Conflict
 from app.events import JobMoved, JobSaid, RecordingArrived, SampleWanted, ShownChanged
-from app.jobs.orders import Order, StoredRequest
+from app.jobs.orders import READING, Order, StoredRequest
 from app.jobs.service import JobService
 from app.jobs.state_machine import FINAL
-from app.jobs.stored_parts import UNREADABLE, readable_request
+from app.jobs.stored_parts import UNREADABLE, begins_again, readable_request, request_of
 from app.limits import JobLimits
 from app.planes.service import PlaneService
 from app.recordings.service import reading_of, require_arrived
@@ -26,7 +28,7 @@ from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingRecord
 from app.storage.store import RecordingStore
-from app.work.functions import PROPOSED, REPORTED
+from app.work.functions import PROPOSED, REPORTED, meant_guess
 from app.work.head import CLOUD
 from calib_core import api
 from calib_core.events import LogEvent
@@ -53,6 +55,7 @@ class Orders:
         request = readable_request(job)
         if request is None:
             raise Conflict(UNREADABLE.code, UNREADABLE.text)
+        _require_same_reading(request, record)
         return Order(
             job_id=job.id,
             kind=job.kind,
@@ -97,11 +100,13 @@ class Workflow:
     def start(self, record: RecordingRecord, wish: NewJob) -> Job:
         """A job somebody asked for."""
         require_arrived(record, "start the job")
+        api.check_settings(wish.settings, meant_guess(wish.initial_guess))  # now, and not only when its turn has come
         self._files.cache_key(record)  # refuses where the source is gone
         self._jobs.check_room()
         request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
         if wish.kind == "solve":
-            request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
+            of_reading = {"planes": self._planes.confirmed(record.id), "read_settings": reading_of(record)}
+            request = request.model_copy(update=of_reading)
         return self._jobs.submit(record.id, wish.kind, request)
 
     def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:
@@ -125,17 +130,34 @@ class Workflow:
             self._jobs.submit(record.id, "surface", StoredRequest(surface_of=solved.job_id))
 
     def retry(self, job: JobRecord) -> Job:
-        """A new job with what the ended one was asked for; Conflict while that is under way."""
+        """A new job with what the ended one was asked for; Conflict while that is under way, or would be another solve."""
         if job.state not in FINAL:
             raise Conflict("job.under_way", f"The job is still {job.state}; cancel it first, or wait.")
         request = readable_request(job)
         if request is None:
             raise Conflict(UNREADABLE.code, UNREADABLE.text)
+        request = request.model_copy(update={"read_settings": request.read_settings or self._read_with(job)})
+        record = self._recordings.find(job.recording_id)
+        if record is not None:
+            _require_same_reading(request, record)
         self._jobs.check_room()
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
 
+    def _read_with(self, job: JobRecord) -> ReadSettings | None:
+        """How a solve has read its recording, of which an earlier version kept nothing but this; None where it came to no end."""
+        try:
+            return ReadSettings.model_validate_json((self._files.job(job.id) / READING).read_text(encoding="utf-8"))
+        except (OSError, ValidationError):
+            return None
+
     def take_up(self) -> None:
-        """After a start of the server: begin what an earlier one left without a job, whatever it died of."""
+        """After a start of the server: begin again what an earlier one ended under, and what it left without a job."""
+        for job in self._jobs.interrupted():
+            if begins_again(job, self._jobs.records_of(job.recording_id)):
+                try:
+                    self._jobs.submit(job.recording_id, job.kind, request_of(job), retry_of=job.id)
+                except ApiError as error:
+                    _LOG.warning("the %s that was interrupted is still to be done: %s", job.kind, error)
         for record in self._recordings.in_states(["inspecting", "receiving"]):
             try:
                 self._take_up(record.id)
@@ -204,3 +226,15 @@ class Workflow:
 
     def _submit(self, record: RecordingRecord, kind: JobKind) -> None:
         self._jobs.submit(record.id, kind, StoredRequest())
+
+
+def _require_same_reading(request: StoredRequest, record: RecordingRecord) -> None:
+    """Raises Conflict where a solve was asked for of the recording as it was read earlier: its planes are in the frame of a scan
+    that may be none any more, and its spans count from another one.
+    """
+    if request.read_settings is not None and request.read_settings != reading_of(record):
+        raise Conflict(
+            "job.read_otherwise",
+            "The recording is read in another way since this solve was asked for, so that its planes and spans no longer fit; "
+            "start a new solve.",
+        )

@@ -17,7 +17,7 @@ from collections.abc import Collection
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
-from app.errors import BadRequest, DiskFull, NotFound, Unavailable
+from app.errors import BadRequest, Conflict, DiskFull, NotFound, Unavailable
 from app.settings import AppSettings
 from app.storage.atomic import write_text
 from app.storage.lock import sole_use
@@ -155,6 +155,7 @@ class DataFolder:
         """A hash of everything the arrays depend on: the source's bytes (by size and time) and the read settings.
 
         A folder's own time says nothing of what is written into its files: those written since it was opened count too.
+        Conflict while there are no such bytes yet, NotFound where there are none any more.
         """
         source = self.source(record)
         try:
@@ -162,6 +163,10 @@ class DataFolder:
             inside = [(path.name, path.stat()) for path in sorted(source.iterdir())] if source.is_dir() else []
             opened_ns = int(record.created_at.timestamp() * 1e9)
         except OSError as error:
+            if record.state == "receiving":
+                raise Conflict(
+                    "recording.receiving", f"The recording {record.name} is still arriving; ask again when it is here."
+                ) from error
             raise NotFound(
                 "recording.source_missing",
                 f"The recording {record.name} is no longer at {source}: put it back, or delete the entry.",

@@ -25,7 +25,7 @@ from app.arrays.surface import SURFACE, Surface, write_surface
 from app.arrays.trajectory import TRAJECTORY, read_trajectory, write_trajectory
 from app.compiling import compiling_told
 from app.jobs.naming import document_by_name, events_by_name
-from app.jobs.orders import SAMPLE_SEED, Order, OrderedPlane
+from app.jobs.orders import READING, SAMPLE_SEED, Order, OrderedPlane
 from app.results.companions import measure_beside
 from app.results.evidence import StepListener
 from app.results.thinning import spread
@@ -135,7 +135,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
         recording,
         wish.settings,
         planes=planes,
-        initial_guess=_guess(wish.initial_guess),
+        initial_guess=meant_guess(wish.initial_guess),
         cache_dir=order.cache / "track",
         on_event=steps,
         should_cancel=should_cancel,
@@ -150,7 +150,7 @@ def run_solve(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> O
     for name, measured in (("thickness", beside.walls), ("scans", beside.scans), ("evidence", beside.evidence)):
         if measured is not None:
             _write(order.folder / f"{name}.json", measured.model_dump_json())
-    _write(order.folder / "reading.json", order.read_settings.model_dump_json())
+    _write(order.folder / READING, order.read_settings.model_dump_json())
     _write(order.folder / "result.json", document_by_name(order, result.to_json()))
     return solve_outcome(result)
 
@@ -222,7 +222,8 @@ def _plane(plane: OrderedPlane) -> Plane:
     return Plane(plane.name, normal / length, plane.offset_m / length, outline_m, plane.suggested)
 
 
-def _guess(wire: WireGuess | None) -> InitialGuess | None:
+def meant_guess(wire: WireGuess | None) -> InitialGuess | None:
+    """The start values as the solve takes them. Raises SettingsError where they are no mounting."""
     return None if wire is None else api.make_initial_guess(wire.matrix, wire.time_offset_s, where="the initial guess")
 
 

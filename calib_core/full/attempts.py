@@ -3,7 +3,8 @@
     answered                the whole; where data sheets promise too much of a sensor, again with wider priors of its parameters
       solve                 the joint estimation; where propagation spoils it, of the followed scans alone
       judged, weighed       what of it is known; what shows only at the end (`assess/late_parameters.py`) is let in; on it goes
-      with_sensors_held     where the sensors' own parameters run away: they are held first, and let go at the end
+      consistent            where one of the sensors' own parameters runs away: as much is allowed it, if all parts agree then
+      with_sensors_held     otherwise: they are held first, and let go at the end
 
 What an attempt that led nowhere has said is taken back (`Run.attempt`).
 """
@@ -14,9 +15,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from calib_core.errors import Refused
 from calib_core.full.assess.confidence import Confidence
 from calib_core.full.assess.late_parameters import still_show, with_late_blocks
+from calib_core.full.assess.odd_planes import without_odd_planes
 from calib_core.full.assess.plausibility import implausible
 from calib_core.full.assess.verdict import answer, weigh
 from calib_core.full.initialise.clock_rate import ClocksApart, may_stretch
@@ -24,8 +28,8 @@ from calib_core.full.initialise.proposed_planes import tracked
 from calib_core.full.initialise.settings import CLOCK_RATES
 from calib_core.full.initialise.start import LidarTrack, Start
 from calib_core.full.joint.bounds import SensorsAstray
-from calib_core.full.joint.data_sheets import beyond_by, beyond_sheets, say_beyond, without_sheet
-from calib_core.full.joint.doubtful_planes import require_sound_choice
+from calib_core.full.joint.data_sheets import beyond_by, beyond_sheets, say_beyond, say_roomy, with_room, without_sheet
+from calib_core.full.joint.doubtful_planes import level_at_m, require_sound_choice, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, Solved
 from calib_core.full.joint.first_estimate import begin
 from calib_core.full.joint.kept_motion import KeptMotion
@@ -81,7 +85,7 @@ def answered(run: Run, task: Task, further: Callable[[Run], Solved] | None = Non
 
     Where a sensor's own parameters lie beyond what its data sheet allows, all is solved with the wide priors of a sensor that
     nobody knows: from where the solve came to rest if every plane still counts there, otherwise from the start, as the narrow
-    priors may have cost a plane. Where parameters run away instead, see `with_sensors_held`.
+    priors may have cost a plane. Where parameters run away instead, see `consistent` and `with_sensors_held`.
 
     further: makes a solve out of one that has come to rest; None: the task is solved from the start.
     Raises Refused where no attempt gives an answer.
@@ -109,9 +113,32 @@ def answered(run: Run, task: Task, further: Callable[[Run], Solved] | None = Non
     if from_there is None:
         unsay()
     if beyond is None or allowing is None:
-        return with_sensors_held(run, task)
+        roomy = None if beyond is None else with_room(run, beyond)
+        found_roomy = None if roomy is None else consistent(roomy, task)
+        if beyond is None or found_roomy is None:
+            return with_sensors_held(run, task)
+        say_roomy(run, beyond)
+        return found_roomy
     say_beyond(run, beyond)
     return answered(allowing, task, from_there)
+
+
+def consistent(run: Run, task: Task) -> Answer | None:
+    """The answer of a task, if all parts of the recording agree with it; None otherwise. What bends a sensor's parameters beyond
+    all sheets may be a wall or a mount: these have parts disagree, and what the sensor itself does has not.
+    """
+    unsay = run.attempt()
+    try:
+        solved = solve(run, task)
+        if task.schedule.chosen:
+            require_sound_choice(solved)
+        solved, trust = weighed(run, solved, task.schedule)
+        if not _beyond_noise(trust):
+            return answer(run, solved, trust, task.lidar)
+    except Refused:
+        pass
+    unsay()
+    return None
 
 
 def with_sensors_held(run: Run, task: Task) -> Answer:
@@ -123,7 +150,7 @@ def with_sensors_held(run: Run, task: Task) -> Answer:
     """
     held = replace(run, settings=run.settings.model_copy(update={"intrinsics": "consider"}))
     without = solve(held, task)
-    unsay = run.attempt()
+    unsay, why = run.attempt(), ""
     for begin_from, shows in ((with_late_blocks(run, without, ()), still_show), (without, None)):
         if begin_from is None:
             continue
@@ -134,12 +161,14 @@ def with_sensors_held(run: Run, task: Task) -> Answer:
         except Refused as refused:
             if not refused.code.startswith("solve."):
                 raise
+            if isinstance(refused, SensorsAstray):
+                why = f"; it needs {refused.needed}: check that sensor, if no plane bends or moves"
         unsay()
     text = (
         "with the sensors' own parameters as unknowns the solve found no answer: the parameters are held instead, and the errors "
         "that data sheets allow are counted in the error bars"
     )
-    run.say("warning", "sensor.astray", text)
+    run.say("warning", "sensor.astray", text + why)
     return judged(held, without, task)
 
 
@@ -147,31 +176,58 @@ def judged(run: Run, solved: Solved, task: Task) -> Answer:
     """The answer made of a solve, with its uncertainty. Raises Refused where it cannot be true, or where the planes that a person
     chose do not hold it.
     """
-    is_choice = task.schedule.chosen
-    if is_choice:
+    if task.schedule.chosen:
         require_sound_choice(solved)
-    return answer(run, *weighed(run, solved, is_choice=is_choice), task.lidar)
+    return answer(run, *weighed(run, solved, task.schedule), task.lidar)
 
 
-def weighed(run: Run, solved: Solved, *, is_choice: bool) -> tuple[Solved, Confidence]:
+def weighed(run: Run, solved: Solved, schedule: Schedule) -> tuple[Solved, Confidence]:
     """A solve and what is known of the calibration by it. As long as something of the sensors shows only at the end, the solve
-    goes on with that as an unknown; where that leads nowhere, the one before counts.
+    goes on with that as an unknown; then without small planes that alone are at odds with all others. Where that leads nowhere,
+    the one before counts.
     """
     unsay = run.attempt()
-    trust = weigh(run, solved, is_choice=is_choice)
+    trust = weigh(run, solved, is_choice=schedule.chosen)
     while (late := with_late_blocks(run, solved, trust.found)) is not None:
         unsay()
-        try:
-            further = estimate_further(run, late, FULL)
-            unsay_further = run.attempt()
-            trust = weigh(run, further, is_choice=is_choice)
-        except Refused as refused:
-            if not refused.code.startswith("solve."):
-                raise
+        further = _weighed_further(run, late, schedule)
+        if further is None:
             unsay()
-            return solved, weigh(run, solved, is_choice=is_choice)
-        solved, unsay = further, unsay_further
-    return solved, trust
+            return solved, weigh(run, solved, is_choice=schedule.chosen)
+        solved, trust, unsay = further
+    rules = schedule.planes
+    left = None if rules is None else without_odd_planes(solved, trust.apart, trust.found, rules)
+    if left is None:
+        return solved, trust
+    unsay()
+    kept = {plane.name for plane in left.state.planes}
+    gone = np.array([plane.name not in kept for plane in solved.planes])
+    level_m = level_at_m(solved.planes, solved.estimate)[gone]
+    say_left_out(run, [solved.planes[k] for k in np.flatnonzero(gone)], np.zeros((len(level_m), 3)), level_m)
+    further = _weighed_further(run, left, schedule)
+    if further is not None and _beyond_noise(further[1]) < _beyond_noise(trust):
+        return further[:2]
+    unsay()
+    return solved, weigh(run, solved, is_choice=schedule.chosen)
+
+
+def _beyond_noise(trust: Confidence) -> frozenset[str]:
+    """The ways of taking a recording apart by which its parts disagree."""
+    return frozenset(each.name for each in trust.found if each.is_beyond_noise)
+
+
+def _weighed_further(
+    run: Run, begun: Solved, schedule: Schedule
+) -> tuple[Solved, Confidence, Callable[[], None]] | None:
+    """The solve that goes on from one, what is known by it, and what takes back that this was said; None without an answer."""
+    try:
+        further = estimate_further(run, begun, FULL)
+        unsay = run.attempt()
+        return further, weigh(run, further, is_choice=schedule.chosen), unsay
+    except Refused as refused:
+        if not refused.code.startswith("solve."):
+            raise
+        return None
 
 
 def motion_by_everything(run: Run, task: Task, kept: KeptMotion) -> MotionByAll | None:

@@ -41,17 +41,23 @@ class ByChoice(Refused):
 
 
 def calibrate_full(
-    run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None = None
+    run: Run,
+    planes: Sequence[Plane] | None,
+    guess: InitialGuess | None,
+    cache_dir: Path | None = None,
+    *,
+    told_at_ns: int | None = None,
 ) -> Answer:
     """The answer of a prepared run.
 
     planes: those that count in the joint estimation; None for all that are found. Where a choice gives no answer and all that are
     found without it do, theirs is given, and said: it is worth more than none, and each is judged by what is seen of it.
     guess: what is known beforehand, None for nothing.   cache_dir: folder for what the next solve need not do again.
+    told_at_ns: stamp of the scan that the planes are told in, where scans were left out; None: none were.
     """
     unsay = run.attempt()
     try:
-        return by_planes(run, planes, guess, cache_dir)
+        return by_planes(run, planes, guess, cache_dir, told_at_ns)
     except Refused as failed:
         by_hand = any(not plane.suggested for plane in planes or ())
         is_held = not run.settings.estimate_planes  # the frame is theirs
@@ -70,13 +76,19 @@ def calibrate_full(
         return answer
 
 
-def by_planes(run: Run, planes: Sequence[Plane] | None, guess: InitialGuess | None, cache_dir: Path | None) -> Answer:
+def by_planes(
+    run: Run,
+    planes: Sequence[Plane] | None,
+    guess: InitialGuess | None,
+    cache_dir: Path | None,
+    told_at_ns: int | None = None,
+) -> Answer:
     """The answer by a choice of planes, or by all that are found, of which those that turn out to be none are left out.
 
     Raises Refused.
     """
     _say_of_held_planes(run, planes)
-    planes, begins = in_the_tracks_frame(run, planes)
+    planes, begins = in_the_tracks_frame(run, planes, told_at_ns)
     followed = follow_or_recall(run, planes, cache_dir, begins)
     lidar, start = initialise(run, followed.motions, followed.planes, guess)
     up = -start.linear.gravity / np.linalg.norm(start.linear.gravity)

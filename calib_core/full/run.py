@@ -15,7 +15,7 @@ from calib_core.events import Event, LogEvent, OnEvent, ShouldCancel, Stage, Sta
 from calib_core.gp.regression import Hyper
 from calib_core.imu.lost_readings import Restored
 from calib_core.imu.preintegration import NoiseDensity
-from calib_core.intrinsics import CLOCK_RATE_STD_PPM, Sensor
+from calib_core.intrinsics import CLOCK_RATE_STD_PPM, Block, Sensor
 from calib_core.message_log import MessageLog
 from calib_core.settings import CalibrateSettings
 from calib_core.threads import usual_threads
@@ -150,6 +150,7 @@ class Run:
     restored: which readings were restored, None for none.
     threads: how many a stage may use.   portion: the part of the running stage that progress from 0 to 1 stands for now.
     beyond_sheets: sensors that have shown not to be what their data sheets say, whose priors are wider (`joint/data_sheets.py`).
+    room: how many times as much as any sensor's a kind of parameter is allowed, where one ran away.
     clock_rate_std_ppm: by how much the clocks' rates may differ, or what is left of it where stamps were stretched
     (`clock_skew.py`).
     log: the result's messages, from which what an attempt has said can be taken back; None where there is no result, as in a
@@ -170,6 +171,7 @@ class Run:
     threads: int = field(default_factory=usual_threads)
     portion: tuple[float, float] = (0.0, 1.0)
     beyond_sheets: frozenset[Sensor] = frozenset()
+    room: tuple[Block, float] | None = None
     clock_rate_std_ppm: float = CLOCK_RATE_STD_PPM
     log: MessageLog | None = None
 

@@ -26,6 +26,7 @@ import numpy as np
 
 from calib_core.gp.regression import Hyper, windowed_posterior
 from calib_core.imu.link_kernels import preintegrate_kernel, sqrt_info_kernel
+from calib_core.imu.silence import longest_step_s
 from calib_core.memoised import memoised
 from calib_core.paged import heed_pages, paged
 from calib_core.threads import in_parts
@@ -178,7 +179,7 @@ def upsample(
         knot_accel=at_knots[:, 3:],
         # The interpolation's error is one and the same throughout a gap: its integral grows with the gap's length.
         excess_density2=excess * np.maximum(gap, period)[:, None],
-        linked=gap < max(0.06, 6.0 * period),
+        linked=gap < longest_step_s(stamps_s),
     )
 
 

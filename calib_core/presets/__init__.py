@@ -8,6 +8,7 @@ and nobody held it against the sheet itself.
 from __future__ import annotations
 
 from calib_core.presets.find import (
+    by_preset_names,
     find_imu_preset,
     find_imu_prior,
     find_lidar_preset,
@@ -15,6 +16,7 @@ from calib_core.presets.find import (
     named_imu,
     named_lidar,
     random_walks,
+    require_known,
 )
 from calib_core.presets.imu import GENERIC_IMU, IMU_PRESETS
 from calib_core.presets.lidar import GENERIC_LIDAR, LIDAR_PRESETS
@@ -29,6 +31,7 @@ __all__ = [
     "USUAL_WALK",
     "ImuPreset",
     "LidarPreset",
+    "by_preset_names",
     "find_imu_preset",
     "find_imu_prior",
     "find_lidar_preset",
@@ -36,4 +39,5 @@ __all__ = [
     "named_imu",
     "named_lidar",
     "random_walks",
+    "require_known",
 ]

@@ -12,7 +12,7 @@ from calib_core.presets.imu import IMU_PRESETS
 from calib_core.presets.lidar import LIDAR_MAKERS, LIDAR_PRESETS
 from calib_core.presets.records import ImuPreset, LidarPreset
 from calib_core.presets.walks import USUAL_WALK
-from calib_core.settings import ImuNoise
+from calib_core.settings import CalibrateSettings, ImuNoise
 
 _Preset = TypeVar("_Preset", "ImuPreset", "LidarPreset")
 #: What stands between a name and its number: `bmi-088`, `VLP 16`.
@@ -44,6 +44,14 @@ def named_lidar(text: str) -> LidarPreset:
     return found
 
 
+def require_known(settings: CalibrateSettings) -> None:
+    """Raises SettingsError where a sensor is named that no preset is of: it would count as any sensor, in silence."""
+    if isinstance(settings.imu_noise, str):
+        named_imu(settings.imu_noise)
+    if settings.lidar is not None:
+        named_lidar(settings.lidar)
+
+
 def find_lidar_preset(*texts: str) -> LidarPreset | None:
     """The preset that one of the texts (a preset's name, topic, frame id, layout) names, or None."""
     return _find(LIDAR_PRESETS, texts)
@@ -59,6 +67,19 @@ def find_lidar_prior(*texts: str) -> LidarPrior:
     """What to expect of the lasers of the lidar so named; those of a cheap one where it is unknown."""
     preset = find_lidar_preset(*texts)
     return UNKNOWN_LIDAR if preset is None else preset.prior
+
+
+def by_preset_names(settings: CalibrateSettings) -> CalibrateSettings:
+    """The settings with each sensor by its preset's name, however it was written: `vlp16` and `VLP 16` are one request.
+
+    Raises SettingsError for a sensor that no preset is of.
+    """
+    names: dict[str, str] = {}
+    if isinstance(settings.imu_noise, str):
+        names["imu_noise"] = named_imu(settings.imu_noise).name
+    if settings.lidar is not None:
+        names["lidar"] = named_lidar(settings.lidar).name
+    return settings.model_copy(update=names)
 
 
 def random_walks(imu_noise: ImuNoise | str | None) -> tuple[float, float]:

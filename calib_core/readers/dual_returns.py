@@ -17,6 +17,7 @@ from calib_core.readers.scans import RING_NAMES
 from calib_core.readers.timing.point_time import PointTiming, raw_times
 from calib_core.readers.timing.split_time import is_split
 from calib_core.settings import ReadSettings
+from calib_core.threads import workers
 from calib_core.types import BoolArray, Clue, Finding
 
 #: Two beams never return to the bit alike, but damaged or made-up points may: fewer than these are not worth a look at all.
@@ -54,7 +55,7 @@ def once_each(
     known = [
         cloud for cloud in sample[:_LOOKED_AT] if timing.field in cloud.names or is_split(timing.field, cloud.points)
     ]
-    again = sum(int(np.count_nonzero(repeated(cloud, timing))) for cloud in known)
+    again = sum(workers().map(lambda cloud: int(np.count_nonzero(repeated(cloud, timing))), known))
     sent = sum(int(np.count_nonzero(_returned(cloud))) for cloud in known)
     if again <= _SHARE * sent:
         return decoder, ()

@@ -208,13 +208,16 @@ def test_log_json_is_one_object_a_line(library: Library, capsys: pytest.CaptureF
         ["calibrate", "a.bag", "--gravity", "moon"],
         ["calibrate", "a.bag", "--lidar", "x"],
         ["calibrate", "a.bag", "--random-seed", "-1"],
+        ["calibrate", "a.bag", "--random-seed", str(10**30)],
+        ["calibrate", "a.bag", "--prior", "tz=1+-1", "--prior", "tz=1+-1"],
         ["inspect", "a.bag", "--point-time-unit", "h"],
         ["export", "r.json"],
         ["simulate", "paper-normal"],
     ],
 )
 def test_usage_errors_exit_2_with_one_sentence(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """Fails if argparse prints its usage and leaves by itself, or an abbreviation is guessed."""
+    """Fails if argparse prints its usage and leaves by itself, or an abbreviation is guessed; with a seed that no generator takes
+    (seen: exit code 4), or a prior counted as often as it is given."""
     assert cli.run(words) == 2
     said = capsys.readouterr()
     assert said.out == ""

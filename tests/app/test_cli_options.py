@@ -44,13 +44,6 @@ def test_unfit_priors_are_one_sentence(text: str) -> None:
         options.parse_prior(text)
 
 
-def test_two_priors_for_one_axis_are_refused() -> None:
-    """Fails if the second silently replaces the first."""
-    assert len(options.parse_priors(["tz=1+-1", "ty=1+-1"])) == 2
-    with pytest.raises(SettingsError, match="several for tz"):
-        options.parse_priors(["tz=1+-1", "tz=2+-1"])
-
-
 def test_spans() -> None:
     """Fails if the ends are swapped, or only the last span is kept (seen: the first returned at once)."""
     assert options.parse_spans(["12.5:14", "0:1e-1"]) == ((12.5, 14.0), (0.0, 0.1))

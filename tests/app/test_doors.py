@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import secrets
 import socket
 import time
 from itertools import pairwise
@@ -15,11 +16,11 @@ from hypothesis import strategies as st
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-from app.cli.serving import address
+from app.cli.serving import MADE_TOKEN_BYTES, address
 from app.errors import TooMany
 from app.scene import page
 from app.server import security, sessions, share
-from app.server.brake import FORGET_S, FREE_TRIES, LONGEST_WAIT_S, Brake
+from app.server.brake import FORGET_S, FREE_TRIES, LONGEST_WAIT_S, MOST_SEEN, Brake
 from app.server.headers import ALWAYS
 from app.server.patience import PatientH11
 from app.server.sessions import MOST_SESSIONS, Sessions
@@ -133,7 +134,7 @@ def test_a_link_on_another_site_leads_in_once_and_not_in_a_circle(guarded):
 # The brake
 
 
-def test_wrong_tries_wait_longer_each_time_and_right_ones_wait_with_them():
+def test_wrong_tries_wait_longer_each_time():
     """Oracle: waits read back with the clock in the hand. Mutations: no longest wait; a wait that never grows; wrong tries never
     forgotten."""
     clock = Clock()
@@ -148,7 +149,7 @@ def test_wrong_tries_wait_longer_each_time_and_right_ones_wait_with_them():
             brake.check("10.0.0.1")
         else:
             waits.append(0)
-        brake.wrong("10.0.0.1")
+        brake.wrong("10.0.0.1", b"wrong %d" % len(waits))
     assert waits[:FREE_TRIES] == [0] * FREE_TRIES
     assert all(a <= b for a, b in pairwise(waits))
     assert waits[-1] == LONGEST_WAIT_S + 1
@@ -156,23 +157,52 @@ def test_wrong_tries_wait_longer_each_time_and_right_ones_wait_with_them():
     with pytest.raises(TooMany):
         brake.check("10.0.0.1")
     clock.now_s += FORGET_S + 1
-    for _ in range(FREE_TRIES):
+    for number in range(FREE_TRIES):
         brake.check("10.0.0.1")
-        brake.wrong("10.0.0.1")
+        brake.wrong("10.0.0.1", b"wrong %d" % number)
+
+
+def test_one_wrong_token_shown_again_is_one_try_until_others_have_put_it_out_of_memory():
+    """A script with an old token asks for ever. Oracle: the clock in the hand. Mutations: a repetition counted; one that puts
+    the wait off; all tokens remembered, of an address that invents them without end.
+    """
+    clock = Clock()
+    brake = Brake(clock)
+    for _ in range(200):
+        brake.check("10.0.0.1")
+        brake.wrong("10.0.0.1", b"old")
+        clock.now_s += 1
+    for number in range(FREE_TRIES - 1):
+        brake.wrong("10.0.0.1", b"%d" % number)
+    brake.wrong("10.0.0.1", b"old")
+    with pytest.raises(TooMany) as first:
+        brake.check("10.0.0.1")
+    clock.now_s += first.value.retry_after_s
+    brake.wrong("10.0.0.1", b"old")
+    brake.check("10.0.0.1")
+    for number in range(MOST_SEEN):
+        brake.wrong("10.0.0.1", b"%d" % number)
+    assert [len(tries.seen) for tries in brake._tries.values()] == [MOST_SEEN]
+    clock.now_s += LONGEST_WAIT_S
+    brake.check("10.0.0.1")
+    brake.wrong("10.0.0.1", b"old")
+    with pytest.raises(TooMany):
+        brake.check("10.0.0.1")
 
 
 def test_one_customer_of_an_ipv6_network_is_one_address():
     """Mutation: by full address, of which everybody has 2^64."""
     brake = Brake(Clock())
     for number in range(20):
-        brake.wrong(f"2001:db8::{number}")
+        brake.wrong(f"2001:db8::{number}", b"wrong %d" % number)
     with pytest.raises(TooMany):
         brake.check("2001:db8::ffff")
     brake.check("2001:db8:1::1")
 
 
 def test_guessing_is_braked_and_open_sessions_are_not(tmp_path):
-    """Oracle: the answers. Mutations: the brake before the session (one guesser locks everybody out); none at all."""
+    """Oracle: the answers. Mutations: the brake before the session (one guesser locks everybody out); none at all; a token that
+    may be a word told from wrong ones while its address has to wait."""
     with serving(tmp_path, token=TOKEN) as live, stranger(live) as guest, stranger(live) as guesser:
         guest.get("/", params={"token": TOKEN})
         codes = [guesser.get("/api/info", params={"token": f"wrong-{n}"}).status_code for n in range(FREE_TRIES + 3)]
@@ -182,6 +212,28 @@ def test_guessing_is_braked_and_open_sessions_are_not(tmp_path):
         assert (braked.status_code, braked.json()["error"]["code"]) == (429, "token.wait")
         assert int(braked.headers["retry-after"]) >= 1
         assert guest.get("/api/info").status_code == 200
+
+
+def test_a_script_with_an_old_token_keeps_nobody_of_its_address_waiting(tmp_path):
+    """One wrong request a second had all others of a proxy refused. Oracle: the answers. Mutation: repetitions counted."""
+    with serving(tmp_path, token=TOKEN) as live, stranger(live) as script:
+        old = {"Authorization": "Bearer correct-horse-batterz"}
+        codes = [
+            (script.get("/api/info", headers=old).status_code, live.http.get("/api/info").status_code)
+            for _ in range(30)
+        ]
+        assert codes == [(401, 200)] * 30
+
+
+def test_who_guesses_keeps_nobody_waiting_who_has_a_long_token(tmp_path):
+    """Oracle: the answers. Mutations: the brake before the comparison, as it was; none for wrong ones of a long token."""
+    with serving(tmp_path, token="k" * security.LONG_TOKEN) as live, stranger(live) as guesser, stranger(live) as guest:
+        for n in range(FREE_TRIES + 3):
+            last = guesser.get("/api/info", params={"token": f"wrong-{n}"}).status_code
+            assert live.http.get("/api/info").status_code == 200
+        assert last == 429
+        assert guest.get("/", params={"token": live.settings.token}).status_code == 200
+        assert len(secrets.token_urlsafe(MADE_TOKEN_BYTES)) >= security.LONG_TOKEN
 
 
 @pytest.mark.parametrize("path", sorted(security.OPEN_PATHS))

@@ -12,6 +12,7 @@ from sqlalchemy import event
 
 import app.jobs.service as service_module
 from app.errors import DiskFull
+from app.jobs.stored_parts import MOST_INTERRUPTIONS
 from app.schemas.recordings import ChangeRecording
 from app.server.consequences import Consequences
 from app.storage.database import open_database
@@ -126,6 +127,81 @@ def test_a_start_takes_up_what_has_no_job(tmp_path):
         assert kinds_of(live, waiting) == {"planes": 1, "inspect": 2}
 
 
+def newest_of(live, recording_id, kind):
+    """The newest job of that kind."""
+    return next(job for job in live.services.jobs.records_of(recording_id) if job.kind == kind)
+
+
+def under_way(live, recording_id, kind):
+    """Wait until the newest job of that kind runs and has said something."""
+    live.wait(lambda: newest_of(live, recording_id, kind).state == "running")
+    live.wait((live.services.files.job(newest_of(live, recording_id, kind).id) / "events.jsonl").is_file)
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_what_begins_by_itself_begins_again_after_a_restart(tmp_path, killed):
+    """An inspection, the planes of another recording, and a solve, which somebody has to want. Oracle: the recordings as without
+    the restart.
+
+    Mutations: nothing begun again; the inspection alone, and the planes are never found; solves too; an interruption that
+    fails the recording, on which whoever waits for it gives up.
+    """
+    with serving(tmp_path, concurrent_jobs=4) as live:
+        room = live.ready("room.bag")
+        hold = live.services.files.recording(room) / "hold"
+        hold.touch()
+        live.http.patch(f"/api/recordings/{room}", json={"start_s": 1.5})
+        live.wait(lambda: live.job_states(room)["inspect"] == "done")
+        halfway, slow = live.upload("halfway.bag"), live.ready("slow.bag")
+        solve = live.start(slow)
+        live.wait(lambda: live.job(solve)["stage"] == "solve")
+        under_way(live, halfway, "inspect")
+        under_way(live, room, "planes")
+        ran = [newest_of(live, halfway, "inspect").id, newest_of(live, room, "planes").id, solve]
+    engine = open_database(f"sqlite:///{tmp_path / 'unsweep.sqlite'}")
+    left = RecordingStore(engine).find(halfway)
+    assert (left.state, left.error_json) == ("inspecting", None)
+    for job_id in ran if killed else ():
+        store = JobStore(engine)
+        store.save(replace(store.find(job_id), state="running", ended_at=None))
+    engine.dispose()
+    with serving(tmp_path, concurrent_jobs=4) as live:
+        assert [live.job(job_id)["state"] for job_id in ran] == ["interrupted"] * 3
+        assert recording(live, halfway)["state"] == "inspecting"
+        under_way(live, halfway, "inspect")
+        again = [newest_of(live, halfway, "inspect"), newest_of(live, room, "planes")]
+        assert [job.retry_of for job in again] == ran[:2]
+        (live.services.files.job(again[0].id) / "go-on").touch()
+        hold.unlink()
+        live.wait(lambda: recording(live, halfway)["state"] == "ready")
+        live.wait(lambda: recording(live, room)["has_planes"])
+        assert kinds_of(live, slow)["solve"] == 1
+        assert kinds_of(live, halfway)["inspect"] == 2
+
+
+def test_an_inspection_that_ends_the_server_is_not_begun_for_ever(tmp_path):
+    """Oracle: the jobs that there are. Mutations: no bound; a bound without a reason at the recording; one that holds for what
+    somebody asks for afterwards.
+    """
+    with serving(tmp_path) as live:
+        recording_id = live.upload("halfway.bag")
+        under_way(live, recording_id, "inspect")
+    for times in range(2, MOST_INTERRUPTIONS + 1):
+        with serving(tmp_path) as live:
+            under_way(live, recording_id, "inspect")
+            assert kinds_of(live, recording_id)["inspect"] == times
+    with serving(tmp_path) as live:
+        shown = recording(live, recording_id)
+        assert (shown["state"], shown["error"]["code"]) == ("failed", "job.interrupted")
+        assert "3 times in a row" in shown["error"]["text"]
+        assert kinds_of(live, recording_id)["inspect"] == MOST_INTERRUPTIONS
+        live.start(recording_id, "inspect")
+        under_way(live, recording_id, "inspect")
+    with serving(tmp_path) as live:
+        under_way(live, recording_id, "inspect")
+        assert kinds_of(live, recording_id)["inspect"] == MOST_INTERRUPTIONS + 2
+
+
 def test_a_start_on_a_full_disk_leaves_them_for_the_next_one(tmp_path, monkeypatch, caplog):
     """Mutation: the refusal let through, with which no server starts."""
     with serving(tmp_path) as live:
@@ -210,6 +286,16 @@ def test_an_inspection_that_ends_after_a_newer_one_was_asked_for_says_nothing(st
     assert means.of(replace(older, state="cancelled")) == {}
     assert means.of(replace(older, state="done")) == {}
     assert means.of(replace(newer, state="done"))["state"] == "ready"
+
+
+def test_an_interruption_leaves_a_recording_where_it_was(stores, tmp_path):
+    """Until it counts as the reason. Mutations: samples left out; a recording that is to be made said to be read."""
+    _, jobs = stores
+    newest = jobs.of_recording("1" * 32)[0]
+    means = Consequences(jobs, Folder(tmp_path))
+    assert means.of(replace(newest, state="interrupted")) == {"state": "inspecting", "error_json": None}
+    made = replace(newest, kind="simulate", state="interrupted")
+    assert means.of(made) == {"state": "receiving", "error_json": None}
 
 
 def test_a_report_that_is_gone_is_a_failure_and_not_the_end_of_a_thread(stores, tmp_path):

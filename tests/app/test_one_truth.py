@@ -33,7 +33,7 @@ from app.schemas.jobs import InitialGuess
 from app.schemas.planes import Confirm, Drop
 from app.schemas.view import ChangeView
 from app.server.facts import usual_numbers
-from app.work.functions import _guess as start_of
+from app.work.functions import meant_guess as start_of
 from calib_core import api
 from calib_core.audit.limits import Limits
 from calib_core.doctor.report import Forecast, ParameterForecast

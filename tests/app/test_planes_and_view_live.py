@@ -51,6 +51,14 @@ def test_operations_undo_and_redo_over_http(shared_live):
     assert edit(shared_live, recording_id, op="undo").json()["error"]["code"] == "planes.nothing_to_undo"
     assert edit(shared_live, recording_id, op="redo").json()["patches"] == after["patches"]
     assert edit(shared_live, recording_id, op="explode").status_code == 422
+    for op in ("drop", "toggle", "confirm", "insist"):  # Mutation: whatever counts as a whole number: true is plane 1
+        assert edit(shared_live, recording_id, op=op, index=True).status_code == 422
+    assert edit(shared_live, recording_id, op="merge", indices=[False, True]).status_code == 422
+    assert edit(shared_live, recording_id, op="drop", index=0, expected_revision=True).status_code == 422
+    sides = [{"normal": [0.0, 0.0, 1.0], "offset_m": 0.5}]
+    boxed = edit(shared_live, recording_id, op="restrict", sides=sides, index=False)
+    assert boxed.json()["error"]["code"] == "request.invalid"
+    assert shared_live.http.get(url).json()["patches"] == after["patches"]
     for index in range(6):
         edit(shared_live, recording_id, op="drop", index=index)
     refused = shared_live.http.post(f"/api/recordings/{recording_id}/jobs", json={"kind": "solve"})

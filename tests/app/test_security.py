@@ -10,6 +10,7 @@ from starlette.datastructures import Headers
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from app.errors import Refused
 from app.server.brake import Brake
 from app.server.security import Gatekeeper, check_host
 from app.server.sessions import COOKIE, Sessions
@@ -122,7 +123,19 @@ def test_on_loopback_a_foreign_host_name_is_an_attack(shared_live, host):
         assert answer.json()["error"]["code"] == "host.foreign"
 
 
-@pytest.mark.parametrize("host", ["localhost", "localhost:5173", "127.0.0.1:80", "[::1]:8080", "127.9.9.9"])
+@pytest.mark.parametrize(
+    "host",
+    ["127.0.0.1:80.evil.example", "localhost:evil.example", "127.0.0.1:80:80", "[::1]evil", "x@localhost", "[::1"],
+)
+def test_what_only_begins_as_a_name_of_this_machine_is_none(host):
+    """Mutation: a parser of addresses, which reads the port only when it is asked for it."""
+    with pytest.raises(Refused, match="own names only"):
+        check_host(host)
+
+
+@pytest.mark.parametrize(
+    "host", ["localhost", "localhost:5173", "127.0.0.1:80", "[::1]:8080", "[::1]", "127.9.9.9", "LOCALHOST"]
+)
 def test_this_machines_own_names_are_welcome(host):
     """Mutation: refusing IPv6."""
     check_host(host)

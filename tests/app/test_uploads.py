@@ -8,6 +8,7 @@ import hashlib
 import os
 import random
 import time
+from datetime import UTC, datetime
 from types import SimpleNamespace
 
 import pytest
@@ -17,6 +18,7 @@ from app.storage.files import display_name, suffix_of
 from tests.app.support.live import serving
 
 TUS = {"Tus-Resumable": "1.0.0"}
+IDENTITY = "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"
 
 
 def create(live, name, size, **headers):
@@ -64,6 +66,35 @@ def test_an_upload_goes_on_after_the_server_was_restarted(tmp_path):
         # A client that lost the last answer asks again and is told that all is there.
         assert live.http.head(where, headers=TUS).headers["upload-offset"] == str(len(content))
         assert live.http.get(f"/api/recordings/{recording_id}").json()["name"] == "room one.bag"
+
+
+def test_what_needs_the_bytes_of_an_upload_says_that_they_are_still_arriving(live):
+    """It was told to be lost, "put it back, or delete the entry", of a file that was on its way. Oracle: every address of the
+    document that is about one recording, asked with what its examples ask. Mutation: cache_key() without a look at the state.
+    """
+    recording_id = create(live, "room.bag", 1000).headers["x-recording-id"]
+    document = live.http.get("/api/openapi.json").json()
+    told = {}
+    for path, verbs in document["paths"].items():
+        if "{recording_id}" not in path or path.endswith(("/events", "/share")):
+            continue
+        for verb in sorted(verbs.keys() & {"get", "post"}):
+            asked = {
+                "planes/operations": {"op": "undo"},
+                "jobs": {"kind": "inspect"},
+                "audits": {"extrinsic": IDENTITY},
+            }
+            body = next((words for end, words in asked.items() if path.endswith(f"/{end}")), {})
+            url = path.replace("{recording_id}", recording_id)
+            answer = live.http.request(verb, url, params={"u": 0.5, "v": 0.5}, json=body if verb == "post" else None)
+            if answer.status_code >= 400:
+                told[f"{verb} {path.rpartition('{recording_id}/')[2]}"] = answer
+    assert told.keys() == {"get planes", "get timeline", "post planes/operations", "post jobs", "post audits"}
+    for answer in told.values():
+        assert (answer.status_code, answer.json()["error"]["code"]) == (409, "recording.receiving")
+        assert "still arriving" in answer.json()["error"]["text"]
+    assert live.http.get(f"/api/recordings/{recording_id}").json()["has_planes"] is False
+    live.services.keeping.sweep(datetime.now(UTC))
 
 
 @pytest.mark.parametrize("moved", [False, True])

@@ -86,6 +86,7 @@ MAY_IMPORT = {
         "audit",
         "readers",
         "full",
+        "request",
         "calibrate",
         "deskew",
         "exporters",

@@ -73,8 +73,11 @@ def test_why_a_plane_was_left_out_is_found(fault: Fault) -> None:
     """Mutation: other words for "left out"."""
     run: Any = Telling()
     doubt = {"moved": [9.0, 0.0, 0.0], "bent": [0.0, 9.0, 0.0], "mixed": [0.0, 0.0, 9.0]}[fault]
-    say_left_out(run, [MapPlane("wall")], np.array([doubt]))
+    say_left_out(run, [MapPlane("wall")], np.array([doubt]), np.array([np.nan]))
     assert found("leftOut", run.texts[0].removeprefix("wall ")) == (WORDS[fault].removeprefix("is "),)
+    say_left_out(run, [MapPlane("floor")], np.array([doubt]), np.array([-0.6]))
+    why = f"{WORDS[fault].removeprefix('is ')} (0.6 m below the lidar)"
+    assert found("leftOut", run.texts[1].removeprefix("floor ")) == (why,)
 
 
 def test_what_is_wrong_with_a_plane_that_counts_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

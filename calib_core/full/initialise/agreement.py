@@ -14,6 +14,7 @@ import numpy as np
 from calib_core.full.initialise.settings import AGREEING, LAGS
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.full.initialise.time_offset import LidarTurns, least_overlap, masked_correlation, turns_of
+from calib_core.imu.silence import spans_silence
 from calib_core.types import FloatArray
 
 #: Of a radian.
@@ -105,10 +106,12 @@ def agreement_of(turns: LidarTurns, imu_s: FloatArray, gyro_rad_s: FloatArray) -
 
 
 def mean_rate(imu_s: FloatArray, gyro_rad_s: FloatArray, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
-    """Size of the mean of the readings over spans (N,), NaN outside the recording: no turn that could wrap around."""
+    """Size of the mean of the readings over spans (N,): no turn that could wrap around. NaN outside the recording, and where a
+    part of the span has no readings.
+    """
     steps = np.diff(imu_s)[:, None] * 0.5 * (gyro_rad_s[1:] + gyro_rad_s[:-1])
     total = np.vstack([np.zeros(3), np.cumsum(steps, axis=0)])
     part = [np.stack([np.interp(t, imu_s, total[:, i]) for i in range(3)], axis=1) for t in (start_s, end_s)]
     size = np.linalg.norm(part[1] - part[0], axis=1) / np.maximum(end_s - start_s, 1e-9)
-    size[(start_s < imu_s[0]) | (end_s > imu_s[-1])] = np.nan
+    size[(start_s < imu_s[0]) | (end_s > imu_s[-1]) | spans_silence(imu_s, start_s, end_s)] = np.nan
     return np.asarray(size)

@@ -14,14 +14,16 @@ import numpy as np
 
 from calib_core.events import Event, LogEvent, OnEvent
 from calib_core.full.initialise.lidar_motion import begin
-from calib_core.full.initialise.proposed_planes import matched
+from calib_core.full.initialise.proposed_planes import choice_among, matched
 from calib_core.full.initialise.settings import AGREEING
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.settings import TrackSettings
 from calib_core.full.planes.propose import find_reference, near_plane, scan_points
 from calib_core.full.run import Run
 from calib_core.geometry import exp
-from calib_core.types import FloatArray, Plane
+from calib_core.method import Question
+from calib_core.settings import CalibrateSettings
+from calib_core.types import FloatArray, Plane, Recording, Scan
 
 
 class Placed(NamedTuple):
@@ -33,19 +35,59 @@ class Placed(NamedTuple):
     begins: int | None = None
 
 
-def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None) -> Placed:
+def of_part(question: Question, whole: Recording, part: Recording) -> Question | None:
+    """The same question about a part of a recording. Its planes stay in the scan in which they are told, of whose place in the
+    part the search for that scan knows nothing: among fewer scans it may end at another one.
+
+    Proposals that nobody has touched are no choice of the part either. None where planes are given and their scan is not in the
+    part: they mean nothing.
+    """
+    planes = question.planes
+    if planes is None:
+        return question
+    told = told_in(question, whole)
+    told_at_ns = whole.scans[told].stamp_ns
+    reference, _ = find_reference(part.scans, question.settings)
+    if part.scans[reference].stamp_ns != told_at_ns and all(plane.suggested for plane in planes):
+        proposed = propose_planes(whole, question.settings, position=told, should_cancel=question.should_cancel)
+        if choice_among([patch.plane for patch in proposed.patches], planes) is None:
+            return replace(question, planes=None)
+    if _position_of(part.scans, told_at_ns) is None:
+        first = part.scans[_first(part.scans)]
+        is_in_first = first.stamp_ns == whole.scans[_first(whole.scans)].stamp_ns and _lie_in(
+            first, planes, question.settings, rather_than=whole.scans[told]
+        )
+        return replace(question, told_at_ns=first.stamp_ns) if is_in_first else None
+    return replace(question, told_at_ns=told_at_ns)
+
+
+def told_in(question: Question, whole: Recording) -> int:
+    """The position of the scan of the whole in whose frame the question's planes are, unless they lie where the first scan shows
+    some.
+    """
+    told = None if question.told_at_ns is None else _position_of(whole.scans, question.told_at_ns)
+    return find_reference(whole.scans, question.settings)[0] if told is None else told
+
+
+def in_the_tracks_frame(run: Run, given: Sequence[Plane] | None, told_at_ns: int | None = None) -> Placed:
     """The same planes in the frame of the scan that the track begins with. given: in that frame, or in the first scan's: in which
-    of them they are is told by the scans' own points.
+    of them they are is told by the scans' own points.   told_at_ns: stamp of the scan that the given planes are told in, where
+    scans were left out (`of_part`); the track begins there. None: it is the one with which the track would begin anyway.
 
     From the first scan to the other they are carried by a track without them. Where that does not reach so far, or half of them
     do not come to lie where the other scan shows planes, it has told nothing of them: the track begins with the first scan then.
     """
-    if given is None or all(plane.suggested for plane in given):
+    by_hand = given is not None and not all(plane.suggested for plane in given)
+    if given is None or not (by_hand or told_at_ns is not None):
         return Placed(given)
-    scans = run.recording.scans
-    first = next((k for k, scan in enumerate(scans) if len(scan.points)), 0)
-    reference, _ = find_reference(scans, run.settings, should_cancel=run.should_cancel)
-    if reference == first or _share_on(run, given, first) <= _share_on(run, given, reference):
+    scans, settings = run.recording.scans, run.settings
+    first = _first(scans)
+    reference, _ = find_reference(scans, settings, should_cancel=run.should_cancel)
+    told = None if told_at_ns is None else _position_of(scans, told_at_ns)
+    told = reference if told is None else told
+    if told != first and not (by_hand and _lie_in(scans[first], given, settings, rather_than=scans[told])):
+        return Placed(given, None if told == reference else told)
+    if reference == first:
         return Placed(given)
     at_s = run.recording.skipped_s + (scans[reference].stamp_ns - scans[0].stamp_ns) * 1e-9
     text = (
@@ -79,13 +121,28 @@ def _carried(run: Run, given: Sequence[Plane], first: int, reference: int) -> li
     return carried if is_found.mean() >= AGREEING.carried else None
 
 
-def _share_on(run: Run, planes: Sequence[Plane], position: int) -> float:
+def _lie_in(scan: Scan, planes: Sequence[Plane], settings: CalibrateSettings, *, rather_than: Scan) -> bool:
+    """Whether planes are in a scan's frame rather than in another's: more of its points lie on them, were they in its own."""
+    return _share_on(scan, planes, settings) > _share_on(rather_than, planes, settings)
+
+
+def _share_on(scan: Scan, planes: Sequence[Plane], settings: CalibrateSettings) -> float:
     """Which part of a scan's points lie on any of these planes, were they in its frame."""
-    points_m = scan_points(run.recording.scans[position], run.settings.field_of_view_deg)
+    points_m = scan_points(scan, settings.field_of_view_deg)
     on = np.zeros(len(points_m), np.bool_)
     for plane in planes:
         on |= near_plane(points_m, plane)
     return float(on.mean()) if len(on) else 0.0
+
+
+def _first(scans: Sequence[Scan]) -> int:
+    """The first scan with points."""
+    return next((k for k, scan in enumerate(scans) if len(scan.points)), 0)
+
+
+def _position_of(scans: Sequence[Scan], stamp_ns: int) -> int | None:
+    """The position of the scan of that stamp; None where it was left out."""
+    return next((k for k, scan in enumerate(scans) if scan.stamp_ns == stamp_ns), None)
 
 
 def _moved(plane: Plane, R: FloatArray, p: FloatArray) -> Plane:

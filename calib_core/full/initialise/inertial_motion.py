@@ -28,27 +28,24 @@ from calib_core.types import FloatArray, IntArray
 class GyroTurning:
     """The gyroscope's turns as the lidar's, under a time offset and a rotation between the two.
 
-    epoch_ns: of the lidar's clock.   first_s, last_s: of the IMU's readings, IMU clock.   coasts: as in `Turning`.
+    epoch_ns: of the lidar's clock.   coasts: as in `Turning`.
     """
 
     gyro: GyroTurns
     rotation: RotationStart
     epoch_ns: int
-    first_s: float
-    last_s: float
     coasts: bool = False
 
     @staticmethod
     def of(run: Run, rotation: RotationStart, *, coasts: bool = False) -> GyroTurning:
         """With the bias that came with the rotation taken off."""
-        imu_s = run.clocks.imu_s
-        gyro = GyroTurns(imu_s, run.recording.imu.gyro_rad_s - rotation.gyro_bias)
-        return GyroTurning(gyro, rotation, run.clocks.lidar_epoch_ns, float(imu_s[0]), float(imu_s[-1]), coasts)
+        gyro = GyroTurns(run.clocks.imu_s, run.recording.imu.gyro_rad_s - rotation.gyro_bias)
+        return GyroTurning(gyro, rotation, run.clocks.lidar_epoch_ns, coasts)
 
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
-        """R (3, 3) from the lidar's axes at the end to those at the start; None outside of the IMU's recording."""
+        """R (3, 3) from the lidar's axes at the end to those at the start; None of a span of which the IMU says nothing."""
         t = np.array([start_ns - self.epoch_ns, end_ns - self.epoch_ns]) * 1e-9 - self.rotation.time_offset_s
-        if t.min() < self.first_s or t.max() > self.last_s:
+        if not self.gyro.tells(t.min(keepdims=True), t.max(keepdims=True)).all():
             return None
         R = self.gyro.at(t)
         R_c = self.rotation.R_imu_lidar
@@ -72,6 +69,24 @@ class Unturned:
     def between(self, _start_ns: int, _end_ns: int, /) -> FloatArray:
         """R (3, 3): the same axes."""
         return np.eye(3)
+
+    def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
+        """Nothing is known of steps."""
+        return None
+
+
+@dataclass(frozen=True)
+class OwnTurns:
+    """The turns of a lidar that its planes alone tell, while one direction of its place may stay open.
+
+    As of a vehicle on the floor of a corridor: it turns about one axis alone, and no gyroscope's turns are known as the lidar's.
+    """
+
+    coasts: bool = True
+
+    def between(self, _start_ns: int, _end_ns: int, /) -> FloatArray | None:
+        """Nothing else is known of turns."""
+        return None
 
     def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
         """Nothing is known of steps."""
@@ -184,5 +199,6 @@ def leaps(run: Run, motions: Sequence[ScanMotion], rotation: RotationStart) -> I
     shown = np.array([m.R for m in motions])
     felt, shown = (np.swapaxes(R[:-1], 1, 2) @ R[1:] for R in (felt, shown))
     apart_rad = np.linalg.norm(log(np.swapaxes(felt, 1, 2) @ shown), axis=1)
-    told = (t_s >= turning.first_s) & (t_s <= turning.last_s) & np.array([m.share > 0 for m in motions])
-    return np.flatnonzero(told[:-1] & told[1:] & (apart_rad > AGREEING.leap_rad))
+    found = np.array([m.share > 0 for m in motions])
+    told = turning.gyro.tells(t_s[:-1], t_s[1:]) & found[:-1] & found[1:]
+    return np.flatnonzero(told & (apart_rad > AGREEING.leap_rad))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -39,9 +40,9 @@ def initialise(
     """
     run.stage("initialise", 0.0, "time offset and rotation")
     _require_gravity(run)
-    require_measured_sweeps(run, motions)
     positions = np.array([m.position for m in motions])
     lidar = LidarTrack.of(motions, run.clocks.scan_s[positions], run.clocks.sweep_s[positions])
+    _require_measured_sweeps(run, lidar, motions)
     imu = run.recording.imu
     candidates = rotation_start(lidar, run.clocks.imu_s, imu.gyro_rad_s) if _turns(run, lidar) else []
     if not candidates:
@@ -68,13 +69,17 @@ def initialise(
             rotations = turns_about(candidate.open_axis_imu, candidate.R_imu_lidar, ROTATING.open_turns)
         trials.extend(trial(replace(candidate, R_imu_lidar=R)) for R in rotations)
     trials = _of_nearest_lag(run, of_the_turns_lag(trials))
-    chosen = upright(trials, np.array([plane.normal for plane in planes]), trial)
+    chosen = upright(
+        trials,
+        np.array([plane.normal for plane in planes]),
+        partial(linear_steps, lidar, run.clocks.imu_s, imu.accel_m_s2, gravity_m_s2=magnitude),
+    )
     if chosen is not min(trials, key=lambda t: t.misfit):
         run.say(
             "info",
             "start.open_turn",
             "all rotation is about one axis, and the accelerations hardly tell how the IMU is turned about it: the solve starts "
-            "where walls are plumb and floors level",
+            "where walls are plumb, floors level and the lidar stands upright",
         )
     run.stage("initialise", 1.0)
     rotation, linear = chosen.rotation, chosen.linear
@@ -135,12 +140,25 @@ def _of_nearest_lag(run: Run, trials: Sequence[Start]) -> list[Start]:
 
 def _turns(run: Run, lidar: LidarTrack) -> bool:
     """Whether both sensors turn: what a still lidar's sweeps show is noise, which a still gyroscope tells from turning."""
+    shown = float(np.sqrt(np.mean(np.sum(lidar.omega_rad_s**2, axis=1))))
+    return min(shown, _felt_turning_rad_s(run, lidar)) > AGREEING.least_turning_rad_s
+
+
+def _felt_turning_rad_s(run: Run, lidar: LidarTrack) -> float:
+    """What the gyroscope turns by (rms), beside its bias."""
     imu_s, gyro_rad_s = run.clocks.imu_s, run.recording.imu.gyro_rad_s
     # Over as long as from scan to scan: what shakes the gyroscope faster turns no lidar.
     width_s = max(float(np.median(np.diff(lidar.start_s))), AGREEING.shortest_span_s)
     rates = mean_rate(imu_s, gyro_rad_s - np.median(gyro_rad_s, axis=0), imu_s, imu_s + width_s)
-    shown = float(np.mean(np.sum(lidar.omega_rad_s**2, axis=1)))
-    return min(shown, float(np.nanmean(rates**2))) > AGREEING.least_turning_rad_s**2
+    return float(np.sqrt(np.nanmean(rates**2)))
+
+
+def _require_measured_sweeps(run: Run, lidar: LidarTrack, motions: Sequence[ScanMotion]) -> None:
+    """Raises Refused where points' times are wrong. Where the gyroscope feels nothing, what seems to turn from sweep to sweep is
+    the track's error, and in no sweep.
+    """
+    if _felt_turning_rad_s(run, lidar) > AGREEING.least_turning_rad_s:
+        require_measured_sweeps(run, motions)
 
 
 def _require_gravity(run: Run) -> None:

@@ -28,6 +28,7 @@ from calib_core.full.initialise.clock_rate import require_one_rate
 from calib_core.full.initialise.inertial_guide import Guide, ImuMotion
 from calib_core.full.initialise.inertial_motion import (
     GyroTurning,
+    OwnTurns,
     TrackCheck,
     Unturned,
     check_track,
@@ -148,12 +149,16 @@ def _by_planes(
     first = _led_on(run, near, planes, reference)
     pairs = cache(partial(pairs_start, run))  # some seconds
     aided, agreed = _aided(run, first, planes, reference, pairs)
+    if aided is first and not first.leads_on(run):
+        aided, agreed = _with_one_way_open(run, first, agreed, planes, reference)
     best = aided
     if agreed is not NO_AGREEMENT:
         best = _felt(run, aided, planes, reference, at_fault, pairs)
     if best is not aided:
         run.say("info", "track.aided", _BY_IMU)
-    elif best is not first or (first is not near and first.reference == reference):
+    elif not isinstance(best.turning, OwnTurns) and (
+        best is not first or (first is not near and first.reference == reference)
+    ):
         text = "the lidar's motion was tracked with the gyroscope's help: its planes alone do not determine it"
         run.say("info", "track.aided", text)
     return best, agreed
@@ -216,6 +221,20 @@ def _aided(
     if again is None or (trusted and again.worth(run) < AGREEING.better * first.worth(run)):
         return first, agreed
     return again, agreed
+
+
+def _with_one_way_open(
+    run: Run, first: Followed, agreed: Agreement, planes: Sequence[Plane], reference: int
+) -> tuple[Followed, Agreement]:
+    """The track whose turns its planes tell while one direction stays open, where it goes with the gyroscope and leads further.
+
+    A vehicle on the floor of a corridor turns about one axis alone: no rotation makes its gyroscope's turns the lidar's.
+    """
+    coasting = follow(run, planes, reference, turning=OwnTurns(), may_leave=False)
+    own = agreement(lidar_track(run, coasting), run.clocks.imu_s, run.recording.imu.gyro_rad_s)
+    if own.correlation < AGREEING.trusted or not own.is_of_a_unit or coasting.worth(run) <= first.worth(run):
+        return first, agreed
+    return coasting, own
 
 
 def _starts_of_trusted(
@@ -295,10 +314,16 @@ def _from_a_sound_stretch(run: Run, known: Known, planes: Sequence[Plane], refer
     rotation = told_rotation(run, lidar)
     if rotation is None or rotation.open_axis_imu is not None:
         return known
-    of_part = check_track(run, part, lidar, rotation)
-    if not of_part.tells:
-        return known
-    return _with_steps(run, _sounder(run, known, planes, reference, ImuMotion.of(run, of_part)), planes, reference)
+    told = check_track(run, part, lidar, rotation)
+    for _ in range(AGREEING.again):
+        if not told.tells:
+            break
+        # Some seconds of motion tell a second more to within what is taken for felt, and those the next ones.
+        before, known = known, _sounder(run, known, planes, reference, ImuMotion.of(run, told))
+        if known is before or known[1] is None or known[0].leads_on(run):
+            break
+        told = known[1]
+    return _with_steps(run, known, planes, reference)
 
 
 def _with_steps(run: Run, known: Known, planes: Sequence[Plane], reference: int) -> Known:

@@ -18,6 +18,7 @@ import scipy
 
 from calib_core.full.initialise.settings import LINEAR
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart
+from calib_core.imu.silence import spans_silence
 from calib_core.types import BoolArray, FloatArray, IntArray
 
 
@@ -25,7 +26,8 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 class Steps:
     """A linear start and the steps from scan to scan that it was made of. step: (N,) scan before each.   shown_m: (N, 3) map,
     what the track says of it, felt_m: what the IMU does, under the start.   seen: (N, 3, 3) takes from a step what the points
-    tell of it.
+    tell of it.   mean_force_m_s2: (3,) map, of the accelerometer all along: against gravity for what goes nowhere, wherever the
+    track slid.
     """
 
     start: LinearStart
@@ -33,6 +35,7 @@ class Steps:
     shown_m: FloatArray
     felt_m: FloatArray
     seen: FloatArray
+    mean_force_m_s2: FloatArray
 
     @property
     def off_m(self) -> FloatArray:
@@ -101,7 +104,9 @@ def _fitting(
     R_imu = track.R @ start.R_imu_lidar.T
     gaps = np.diff(track.start_s)
     most_gap_s = max(LINEAR.most_gap_s, LINEAR.usual_gaps * float(np.median(gaps))) if len(gaps) else LINEAR.most_gap_s
-    use = np.flatnonzero((gaps < most_gap_s) & (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1]))
+    felt = (track.start_s[:-1] >= t[0]) & (track.start_s[1:] <= t[-1])
+    felt &= ~spans_silence(t, track.start_s[:-1], track.start_s[1:])
+    use = np.flatnonzero((gaps < most_gap_s) & felt)
     T = gaps[use]
     rows = _linear_rows(
         use, T, R_imu, VVb.reshape(-1, 3, 3), PPb.reshape(-1, 3, 3), m, LINEAR.position_std_m, LINEAR.velocity_std_m_s
@@ -134,7 +139,7 @@ def _fitting(
             float(np.sqrt(np.mean((told @ residual) ** 2))),
         )
         felt_m = shown_m + LINEAR.position_std_m * residual[: 3 * len(use)].reshape(-1, 3)
-        return Steps(found, use, shown_m, felt_m, seen)
+        return Steps(found, use, shown_m, felt_m, seen, rotated.mean(axis=0))
 
     return fitted, len(use)
 

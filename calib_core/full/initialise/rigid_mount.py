@@ -15,6 +15,7 @@ from calib_core.errors import Refused
 from calib_core.full.initialise.settings import RIGID
 from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.initialise.time_offset import GyroTurns
+from calib_core.full.planes.curved import curved_surfaces
 from calib_core.full.run import Run
 from calib_core.geometry import log
 from calib_core.types import FloatArray
@@ -29,6 +30,15 @@ def require_rigid(run: Run, track: LidarTrack, rotation: RotationStart) -> None:
     left_rad, turned_rad = left_of(lidar_rad, imu_rad, rotation.R_imu_lidar)
     if left_rad < max(RIGID.least_rad, RIGID.share * turned_rad):
         return
+    surfaces = curved_surfaces(run.recording.scans, run.settings)
+    if surfaces is not None:
+        raise Refused(
+            "planes.lost",
+            f"the lidar could not be followed: {surfaces.curved} of the {surfaces.all} surfaces that were taken for planes are "
+            f"curved, with a radius of about {surfaces.radius_m:.2g} m, and the flat ones leave its motion open, so that within "
+            f"{RIGID.span_s:g} s its rotation differs from the gyroscope's by {np.degrees(left_rad):.2g} deg (median); record "
+            "where three flat surfaces that face different directions stay in view, as floor and walls of a room",
+        )
     raise Refused(
         "motion.not_rigid",
         f"the lidar turns against the IMU: within {RIGID.span_s:g} s they turn by {np.degrees(turned_rad):.2g} deg, and their "

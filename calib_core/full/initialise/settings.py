@@ -361,6 +361,10 @@ class Upright:
     #: Below, the turn is known, and walls are not asked.
     alike: float = 1.05
     fewest_alike: int = 3
+    #: derived: or that are worse in all by no more than chance makes of what stretches of the track differ by, of so many:
+    #: one in a few hundred by Student's law.
+    stretches: int = 12
+    beyond_chance: float = 3.0
     #: judged: walls and floors are plumb and level to about this, and start values right to as much; a plane further off
     #: both is a slope and says nothing.
     plumb_deg: float = 3.0
@@ -369,6 +373,12 @@ class Upright:
     #: judged: the turn that the accelerations like best is left only for one at which half a plane more is plumb or level:
     #: more than one doubtful plane weighs.
     worth_a_turn: float = 0.5
+    #: judged: turns beside which another makes no more than this share of the planes more plumb or level, and one in any case,
+    #: are as plumb: what was grown through clutter is level by chance, and after a track that slid gravity is off by degrees.
+    clutter_share: float = 0.2
+    #: derived: half of the quarter turn by which turns are apart that make the same planes plumb and level; of those that are
+    #: as plumb, the ones at which the lidar leans by no more than this beyond the least are one and the same.
+    standing_deg: float = 45.0
 
 
 LAGS, VECTORS, PROFILE, AGREEING, ROTATING = Lags(), Vectors(), Profile(), Agreeing(), Rotating()

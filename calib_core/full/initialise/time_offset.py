@@ -17,7 +17,8 @@ from calib_core.full.initialise.settings import LAGS
 from calib_core.full.initialise.start import LidarTrack
 from calib_core.geometry import exp, log
 from calib_core.imu.integrated_rotation import turned_since
-from calib_core.types import FloatArray
+from calib_core.imu.silence import spans_silence
+from calib_core.types import BoolArray, FloatArray
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,11 @@ class GyroTurns:
         self._gyro = gyro_rad_s
         self._R = turned_since(stamps_s, gyro_rad_s)
 
+    def tells(self, start_s: FloatArray, end_s: FloatArray) -> BoolArray:
+        """(N,) whether it says how far it turned over spans: within the recording, and in no part of them silent."""
+        inside = (start_s >= self._t[0]) & (end_s <= self._t[-1])
+        return np.asarray(inside & ~spans_silence(self._t, start_s, end_s))
+
     def at(self, t_s: FloatArray) -> FloatArray:
         """Orientation at instants within the recording, from its first sample: (N, 3, 3). The rate is linear between samples."""
         k = np.clip(np.searchsorted(self._t, t_s, side="right") - 1, 0, len(self._t) - 2)
@@ -71,9 +77,9 @@ class GyroTurns:
         return self._R[k] @ exp(self._gyro[k] * tau + 0.5 * slope * tau**2)
 
     def over(self, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
-        """(N, 3) rotation vectors per second; NaN where the span leaves the recording."""
+        """(N, 3) rotation vectors per second; NaN where it says nothing of the span."""
         out = log(np.swapaxes(self.at(start_s), 1, 2) @ self.at(end_s)) / (end_s - start_s)[:, None]
-        out[(start_s < self._t[0]) | (end_s > self._t[-1])] = np.nan
+        out[~self.tells(start_s, end_s)] = np.nan
         return out
 
 

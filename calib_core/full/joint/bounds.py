@@ -87,12 +87,12 @@ def require_points(points: int, planes: Sequence[str]) -> None:
 
 class SensorsAstray(Refused):
     """A parameter of a sensor has left what sensors that work can have. block: which.   value: in its unit.   times: that over
-    its prior's deviation.
+    its prior's deviation.   needed: both in words.
     """
 
     def __init__(self, block: Block, value: float, times: float) -> None:
-        text = f"the solve needs a {block.replace('_', ' ')} {times:.0f} times as large as is usual for such sensors; {_CURE}"
-        super().__init__("solve.sensors_astray", text)
+        self.needed = f"a {block.replace('_', ' ')} {times:.0f} times as large as is usual for such sensors"
+        super().__init__("solve.sensors_astray", f"the solve needs {self.needed}; {_CURE}")
         self.block, self.value, self.times = block, value, times
 
 

@@ -72,6 +72,26 @@ def without_sheet(run: Run, beyond: Beyond) -> Run | None:
     return allowing
 
 
+def with_room(run: Run, beyond: Beyond) -> Run | None:
+    """The run with as much allowed to a parameter that ran away as it was found to be, which is beyond any sheet; None for the
+    clocks', and where that was done already.
+    """
+    if beyond.sensor is None or run.room is not None:
+        return None
+    return replace(run, beyond_sheets=run.beyond_sheets | {beyond.sensor}, room=(beyond.block, beyond.times))
+
+
+def say_roomy(run: Run, beyond: Beyond) -> None:
+    """That a sensor is worse than any, and why that is believed."""
+    whose = "IMU" if beyond.sensor == "imu" else "lidar"
+    run.say(
+        "warning",
+        "sensor.beyond_sheet",
+        f"the {whose} is {beyond.times:.0f} times as far off in its {beyond.block.replace('_', ' ')} as any data sheet allows; "
+        f"so much is allowed for, and all parts of the recording agree with it; check the {whose}",
+    )
+
+
 def say_beyond(run: Run, beyond: Beyond) -> None:
     """That a sheet is not relied on, and why. run: with it."""
     sensor = beyond.sensor

@@ -23,6 +23,7 @@ from calib_core.full.planes.plane_tests import (
 )
 from calib_core.full.run import Run
 from calib_core.geometry import plane_axes
+from calib_core.plane_kinds import kind_of
 from calib_core.types import FloatArray, Level
 
 
@@ -64,16 +65,31 @@ def plane_doubts(problem: JointProblem, estimate: Estimate, rough_m: float | Non
     return doubts(found) if rough_m is None else doubts(found, rough_m, np.inf)
 
 
-def say_left_out(run: Run, planes: Sequence[MapPlane], doubt: FloatArray) -> None:
-    """Name the planes that are left out, each with what is wrong with it. doubt: (P, 3), theirs.
+def level_at_m(planes: Sequence[MapPlane], estimate: Estimate) -> FloatArray:
+    """How far above the lidar each floor or ceiling was found [m], (P,); NaN of other planes, and of those found in the solve."""
+    up = -estimate.gravity / np.linalg.norm(estimate.gravity)
+    side = {"floor": -1.0, "ceiling": 1.0}
+    return np.array(
+        [
+            side.get(kind_of(normal, up)[0], np.nan) * (np.nan if plane.found_m is None else plane.found_m)
+            for plane, normal in zip(planes, estimate.normals, strict=True)
+        ]
+    )
 
+
+def say_left_out(run: Run, planes: Sequence[MapPlane], doubt: FloatArray, level_m: FloatArray) -> None:
+    """Name the planes that are left out, each with what is wrong with it. doubt: (P, 3), level_m: (P,) of `level_at_m`, theirs.
+
+    What is called a floor is what a lidar sees from above: where a table's top is, somebody would think of the floor below.
     Somebody was shown those that were proposed, and is warned of them; of what came into view on the way a note will do.
     """
-    for plane, row in zip(planes, doubt, strict=True):
+    for plane, row, height_m in zip(planes, doubt, level_m.tolist(), strict=True):
         fault = fault_of(row)
+        side = "below" if height_m < 0.0 else "above"
+        where = "" if np.isnan(height_m) else f" ({abs(height_m):.1f} m {side} the lidar)"
         level: Level = "info" if plane.late else "warning"
         what = WORDS[fault] if fault else "does not fit the motion of the other planes"
-        run.say(level, f"planes.{fault or 'dropped'}", f"{plane.name} {what}: left out")
+        run.say(level, f"planes.{fault or 'dropped'}", f"{plane.name} {what}{where}: left out")
 
 
 def face_three_ways(normals: FloatArray) -> bool:

@@ -32,7 +32,8 @@ class MapPlane:
     outline_m: (K, 3) as given, in the map frame: not in that of the solve, which drifts from it; None where there is none.
     fault: what was wrong with it while gates were wide, "" where nothing was.   chosen: a person wants it, doubtful or not.
     late: it came into view on the way, and nobody was shown it.   strayed: it did not stand still in a motion that all structure
-    has told, of which it may be one of several that were blamed.
+    has told, of which it may be one of several that were blamed.   found_m: how far from the lidar it was found, where it was
+    before the solve; what turns out to be no plane may have come to lie anywhere by then.
     """
 
     name: str
@@ -41,6 +42,7 @@ class MapPlane:
     chosen: bool = False
     late: bool = False
     strayed: bool = False
+    found_m: float | None = None
 
 
 @dataclass
@@ -118,7 +120,8 @@ class JointData:
     reference: position of the scan in whose frame the map is.   start: the estimate by the start values.   limits: how far from
     it an answer may lie.   most_rounds: in all.   sensors: which parameters of the sensors are to be unknowns.
     dropped: planes that a person does not want, in the map frame: they must not come into view again.
-    turned: whether the gyroscope has felt any turning.
+    turned: whether the gyroscope has felt any turning.   only_axis_imu: (3,) about which alone it has turned, as far as the start
+    could tell; None about more than one.
     laid_out, asked, linked: what the last step has computed, kept for the next one; they change no number.
     on_state: called with the name of each step and the state before it (`replay.py` writes them down).
     """
@@ -134,6 +137,7 @@ class JointData:
     sensors: Nuisance = Nuisance()  # noqa: RUF009  frozen
     dropped: Sequence[Plane] = ()
     turned: bool = True
+    only_axis_imu: FloatArray | None = None
     laid_out: LastView = field(default_factory=LastView)
     asked: LastReadings = field(default_factory=LastReadings)
     linked: LastLinked = field(default_factory=LastLinked)

@@ -127,6 +127,7 @@ def begin(
         sensors,
         followed.dropped,
         turned=is_turning_felt(clocks.imu_s, imu.gyro_rad_s, run.noise.density.gyro_rad_s_sqrt_hz),
+        only_axis_imu=start.rotation.open_axis_imu,
     )
     return data, state, len(whole) / total
 
@@ -178,8 +179,15 @@ def first_estimate(
 
 def map_planes(track: Followed) -> tuple[MapPlane, ...]:
     """What the joint estimation has to know of each plane, but for where it is."""
+    shown_m = {plane.name: float(plane.offset_m) for plane in track.proposals}
     return tuple(
-        MapPlane(plane.name, plane.outline_m, chosen=not plane.suggested, late=is_late)
+        MapPlane(
+            plane.name,
+            plane.outline_m,
+            chosen=not plane.suggested,
+            late=is_late,
+            found_m=shown_m.get(plane.name, float(plane.offset_m)),
+        )
         for plane, is_late in zip(track.planes, track.late or [False] * len(track.planes), strict=True)
     )
 

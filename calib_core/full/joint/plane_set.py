@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from calib_core.full.joint.doubtful_planes import plane_doubts, say_left_out
+from calib_core.full.joint.doubtful_planes import level_at_m, plane_doubts, say_left_out
 from calib_core.full.joint.estimation import Estimation, JointData, MapPlane
 from calib_core.full.joint.many_scans import over_scans
 from calib_core.full.joint.policies import PlaneSet
@@ -151,7 +151,7 @@ def drop_planes(
     if keep.all() or keep.sum() < rules.fewest:
         return state
     left = [plane for plane, kept in zip(state.planes, keep, strict=True) if not kept]
-    say_left_out(data.run, left, doubt[~keep])
+    say_left_out(data.run, left, doubt[~keep], level_at_m(state.planes, state.estimate)[~keep])
     return only_planes(state, keep, (scatter < 1.0) & (doubt[:, 2] < 1.0), rules)
 
 

@@ -7,7 +7,6 @@ biases and descends. Each step takes what is known and gives what is known then.
 from __future__ import annotations
 
 from dataclasses import replace
-from math import gcd
 
 import numpy as np
 
@@ -26,12 +25,14 @@ from calib_core.full.joint.problem import JointProblem
 from calib_core.full.joint.settings import HOLDING, WATCHING
 from calib_core.full.joint.state import CALIBRATION, TIME_OFFSET, TRANSLATION, Bins, Estimate
 from calib_core.full.joint.state_views import frozen_columns, map_pose, outlined_cells, present_view, problem_of
+from calib_core.full.joint.thinning import across_lasers
 from calib_core.full.joint.undetermined import (
     UNITS,
     data_information,
     is_hardly_determined,
     still_undetermined,
     towards_priors,
+    turns_about,
     without_lever_arm,
 )
 from calib_core.full.joint.unseen_directions import unseen_counts
@@ -78,19 +79,6 @@ def _stride_to(target: float, data: JointData, state: Estimation, sampling: Samp
     some = state.positions[:: max(1, len(state.positions) // sampling.typical_scans)]
     typical = np.median(data.run.clocks.scan_points[list(some)])
     return across_lasers(max(1, int(typical // target)))
-
-
-#: The primes in the numbers of lasers on rotors.
-_LASERS_SHARE = 2 * 5
-
-
-def across_lasers(stride: int) -> int:
-    """The nearest stride that visits every laser, the larger of two as near.
-
-    Sweeps list 16, 32, 40, 64, 80 or 128 lasers in turn: each fourth point of them all is that of the same four of sixteen.
-    """
-    tries = (stride + step for away in range(6) for step in (away, -away))
-    return next(each for each in tries if each > 0 and gcd(each, _LASERS_SHARE) == 1)
 
 
 def associate(data: JointData, state: Estimation, gate: Gate, *, stride: int) -> Estimation:
@@ -195,12 +183,16 @@ def hold(data: JointData, state: Estimation, problem: JointProblem) -> Estimatio
     """Hold the directions that the data do not determine: translation at zero, the others where they are, both as far as a prior
     does not say otherwise.
 
-    What was held is let go only when the data, judged with it held, say clearly more than noise could.
+    What was held is let go only when the data, judged with it held, say clearly more than noise could. So is the turn about the
+    only axis of a motion, which start values leave where walls are plumb: while the motion is rough it looks known to a degree.
     """
     information = _information(data, state, problem)
     if information is None:
         return state
-    directions = still_undetermined(_known(data, state, information), _held(state))
+    known, before = _known(data, state, information), _held(state)
+    if not before and data.only_axis_imu is not None:
+        before = turns_about(data.only_axis_imu @ state.estimate.R_imu_lidar, known)
+    directions = still_undetermined(known, before)
     if directions.shape[1] == 0:
         return replace(state, priors=replace(state.priors, held=()))
     now = state.priors.calibration_vector(state.estimate) / UNITS

@@ -109,6 +109,8 @@ class Holding:
     #: derived: a direction with so much of its length in the lever arm, within 11 deg of it, is held at zero, others where
     #: they are,
     shift_share: float = 0.98
+    #: derived: one with more than half of its square in a turn is that turn: there is no other.
+    turn_share: float = 0.5
     #: derived: to this part of a unit (1 deg, 10 mm, 1 ms; 1 sigma): fifty times and more below the limits of weak.
     held_std: float = 0.01
     #: derived: turning is felt over as long as a usual sweep: what is faster shakes the gyroscope and turns no lidar; spans that
@@ -159,6 +161,12 @@ class Surveying:
     batch_points: int = 20_000
     #: derived: tables of so many lasers' moments are 13 MB, on each of four threads. A bound on memory: time alone depends on it.
     clusters: int = 16_000
+    #: derived: of thinned points those of so many lasers are taken at once, as a VLP-16 has: of 4000 points of a sweep by 128
+    #: lasers next to each is alone in its ten milliseconds, plane and laser, and its moments are twenty times what it is itself.
+    #: Time alone depends on it.
+    lasers_at_once: int = 16
+    #: derived: the points of these are thinned by so much at least, the least stride beside 1 that visits all of them.
+    least_stride: int = 3
     #: derived: where so many thinned points meet planes is kept for the next step of the same round, 75 MB, those of two
     #: minutes. Those beyond are asked for anew, a hundredth of a long recording's time.
     kept: int = 1_000_000

@@ -37,7 +37,7 @@ from calib_core.full.joint.round import one_round, released, watched_round
 from calib_core.full.joint.schedule import Schedule
 from calib_core.full.joint.settings import WATCHING
 from calib_core.full.joint.state_views import first_used_s, outlined_cells
-from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones
+from calib_core.full.joint.tones import admit_rest, admit_tones, heard_anew, loudest, say_tones, still_pulled
 from calib_core.full.prepare.nuisance import Nuisance, unknowns_of
 from calib_core.full.run import Run
 from calib_core.solver.broken_down import arithmetic_or_refused
@@ -119,7 +119,9 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
     data, whole = data.portion(WATCHING.settled_share, 1.0), data
     data.laid_out.forget()
     shared = SharedEquations()
+    rules = schedule.tones
     state, problem = alternate(data, state, schedule.settling, schedule.sampling, shared)
+    state = still_pulled(data, state, rules, schedule.sensors, schedule.sampling, problem.bins)
     freed = with_walks_told(data, released(data, state), problem)
     if freed is not state:
         del state, problem
@@ -129,7 +131,6 @@ def at_rest(data: JointData, state: Estimation, schedule: Schedule) -> Solved:
         schedule.chosen
     ):  # boxes have sensors go astray, and what that does to the readings would be taken for tones, for long
         require_sensors(state, whole.limits.sensor_sigmas)
-    rules = schedule.tones
     for _ in range(rules.turns):
         after = admit_rest(data, state, rules, schedule.sensors, schedule.sampling, problem.bins)
         if after is state:

@@ -111,6 +111,19 @@ def admit_rest(
     return after if goes_on_at_rest(data, after, rules.slow_hz) else without_tones(data, state, round_, sampling)
 
 
+def still_pulled(
+    data: JointData, state: Estimation, rules: Tones, round_: Round, sampling: Sampling, bins: Bins
+) -> Estimation:
+    """A state at rest with all points; where something that is no tone was found to pull at the readings, asked anew.
+
+    A motion that starts ten degrees off pulls at them as a lift does, until it has come to where it is.   bins: of these points.
+    """
+    if not state.untuned:
+        return state
+    asked = replace(state, untuned=False)
+    return state if found_tones(data, asked, rules, round_, sampling, least=rules.explains, bins=bins) else asked
+
+
 def is_the_motions(data: JointData, state: Estimation, found: Sequence[Explaining], rules: Tones) -> bool:
     """Whether the best of what was found is no line, but of what moves the lidar: another that is as slow and no part of its foot
     explains nearly as much. Lidars whose ranges bend and accelerometers that lag leave that, all along where a hand moves.

@@ -13,7 +13,7 @@ import numpy as np
 
 from calib_core.full.joint.priors import Priors
 from calib_core.full.joint.settings import HOLDING
-from calib_core.full.joint.state import CALIBRATION, TRANSLATION
+from calib_core.full.joint.state import CALIBRATION, ROTATION, TRANSLATION
 from calib_core.result import AXIS_WORDS, COVARIANCE_ORDER, WEAK_DEG, WEAK_M, WEAK_S
 from calib_core.solver.information import marginal
 from calib_core.types import BoolArray, FloatArray
@@ -78,6 +78,12 @@ def still_undetermined(data: FloatArray, before: Sequence[FloatArray]) -> FloatA
             if size > HOLDING.same_direction:  # otherwise the same direction, as it looks now
                 found = np.column_stack([found, beyond / size])
     return found
+
+
+def turns_about(axis_lidar: FloatArray, data: FloatArray) -> list[FloatArray]:
+    """What is known together (7,), scaled units, and is a turn about an axis (3,) for the most part; the lever arm goes round."""
+    along = axis_lidar / np.linalg.norm(axis_lidar)
+    return [vector for vector in np.linalg.eigh(data)[1].T if (along @ vector[ROTATION]) ** 2 > HOLDING.turn_share]
 
 
 def is_hardly_determined(data: FloatArray, vector: FloatArray) -> bool:

@@ -27,6 +27,7 @@ from calib_core.full.joint.moments import LaserMicro, Micro
 from calib_core.full.joint.motion import Motion
 from calib_core.full.joint.settings import SURVEYING
 from calib_core.full.joint.state import Estimate
+from calib_core.full.joint.thinning import thinned
 from calib_core.full.prepare.nuisance import LASER_BLOCKS, LIDAR_BLOCKS, SURFACE, Nuisance
 from calib_core.full.run import Clocks
 from calib_core.paged import Shelf, heed_pages
@@ -76,7 +77,8 @@ class View:
             return self.scans[position].points
         last = self.few.get(position)
         if last is None or last[0] != stride:
-            last = self.few[position] = stride, self.shelf.put(self.scans[position].points[::stride])
+            points = self.scans[position].points
+            last = self.few[position] = stride, self.shelf.put(points[thinned(points, stride, position)])
         heed_pages(last[1].nbytes)
         return last[1]
 
@@ -279,19 +281,21 @@ class View:
     def cloud(self, position: int, count: int) -> tuple[FloatArray, IntArray]:
         """About so many points of a scan, straightened, in the frame of the solve: (M, 3), and their places in it: (M,)."""
         scan = self.scans[position]
-        stride = max(1, len(scan.points) // count)
-        points = scan.points[::stride]
+        place = thinned(scan.points, max(1, len(scan.points) // count), position)
+        points = scan.points[place]
         poses = self.slice_poses(position)
         index = (points["offset_ns"] * 1e-9 / SLICE_S).astype(np.int64)
         usable = poses.usable[index]
         index = index[usable]
         xyz = self._corrected(points, self._errors())[usable].astype(np.float64)
         there = (poses.R[index] @ xyz[..., None])[..., 0] + poses.p[index]
-        return there, np.flatnonzero(usable) * stride
+        return there, place[usable]
 
     def strays(self, position: int, count: int, away_m: float) -> FloatArray:
         """Points of a scan that lie on no plane, in the frame of the solve: (M, 3), from a sample of so many points."""
         cloud, place = self.cloud(position, count)
-        hits = self.hits([position], Gate(), max(1, len(self.scans[position].points) // count))
+        points = self.scans[position].points
+        stride = max(1, len(points) // count)
+        hits = self.hits([position], Gate(), stride)
         free = (hits.plane < 0) | (np.abs(hits.d) > away_m)
-        return cloud[free[place // max(1, len(self.scans[position].points) // count)]]
+        return cloud[free[np.searchsorted(thinned(points, stride, position), place)]]

@@ -124,7 +124,7 @@ class _Tracker:
         position = self.first.position + self.direction
         while position in self.ahead:
             away_s = self._between_s(held.position, position)
-            lost_s = s.bridge_s if self.turning is None else s.coast_s
+            lost_s = s.bridge_s if self._turned(previous, position) is None else s.coast_s
             if self._between_s(oriented.position, position) > max(lost_s, s.bridged_periods * self._period_s(position)):
                 break
             if away_s > max(s.coast_s, s.bridged_periods * self._period_s(position)):

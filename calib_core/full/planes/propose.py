@@ -49,7 +49,7 @@ def find_reference(
         if should_cancel():
             raise Cancelled("the search for planes was cancelled")
         fits = _fits_of(scans, position, settings.field_of_view_deg, settings.random_seed)
-        ways = _ways_held(np.array([f.normal for f in fits]).reshape(-1, 3))
+        ways = ways_held(np.array([f.normal for f in fits]).reshape(-1, 3))
         if (ways, len(fits)) > best[0]:
             best = ((ways, len(fits)), position, fits)
         if ways == 3:
@@ -65,10 +65,10 @@ def _fits_of(scans: Sequence[Scan], position: int, field_of_view_deg: float | No
 
 def determines_a_pose(fits: Sequence[PlaneFit]) -> bool:
     """Whether a scan's planes hold a place three ways: the search for the reference ends at the first such scan."""
-    return _ways_held(np.array([fit.normal for fit in fits]).reshape(-1, 3)) == 3
+    return ways_held(np.array([fit.normal for fit in fits]).reshape(-1, 3)) == 3
 
 
-def _ways_held(normals: FloatArray) -> int:
+def ways_held(normals: FloatArray) -> int:
     """In how many directions planes of these normals (P, 3) hold a place, 0 to 3."""
     return sum(determinacy(normals, open_ways) >= SEARCH.least_determinacy for open_ways in range(3))
 

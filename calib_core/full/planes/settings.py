@@ -86,4 +86,15 @@ class Judgement:
     confidence: float = 0.999
 
 
-SEARCH, PATCHES, JUDGEMENT = Search(), Patches(), Judgement()
+@dataclass(frozen=True, slots=True)
+class Curved:
+    """When what was taken for a plane is curved."""
+
+    #: derived: curvature times distance. A motor that turns a lidar once a second does a tenth of a round in a sweep of 10 Hz,
+    #: and makes 0.2 of a flat wall; one that goes round the lidar has 1. Between the two.
+    of_distance: float = 0.45
+    #: derived: what is called flat is off by no more (Judgement): the curved part of what points are off a plane, rms.
+    least_m: float = 0.008
+
+
+SEARCH, PATCHES, JUDGEMENT, CURVED = Search(), Patches(), Judgement(), Curved()

@@ -81,6 +81,11 @@ class NuisanceBlock:
         names = tuple(name for name, kept in zip(self.names, keep, strict=True) if kept)
         return replace(self, names=names, prior_std=self.prior_std[keep])
 
+    def wider(self, times: float) -> NuisanceBlock:
+        """The same with priors so many times as wide."""
+        whitener = None if self.whitener is None else self.whitener / times
+        return replace(self, prior_std=times * self.prior_std, whitener=whitener)
+
 
 @dataclass(frozen=True)
 class Nuisance:
@@ -130,6 +135,10 @@ class Nuisance:
         """A block's part of a vector (N,); zeros where it is not in play (lasers: none)."""
         place = self.places.get(block)
         return np.zeros(0 if block in _OF_NO_SENSOR else len(NAMES.get(block, ()))) if place is None else vector[place]
+
+    def with_room(self, block: Block, times: float) -> Nuisance:
+        """The same with a block that may be so many times as far off."""
+        return replace(self, blocks=tuple(each.wider(times) if each.block == block else each for each in self.blocks))
 
     @property
     def patches(self) -> int:
@@ -291,7 +300,8 @@ def priors_of(
 
 def unknowns_of(run: Run) -> Nuisance:
     """The parameters of a run's own sensors that are unknowns beside the calibration."""
-    return nuisance_of(run.recording, run.settings, run.beyond_sheets, run.clock_rate_std_ppm)
+    found = nuisance_of(run.recording, run.settings, run.beyond_sheets, run.clock_rate_std_ppm)
+    return found if run.room is None else found.with_room(*run.room)
 
 
 def nuisance_of(

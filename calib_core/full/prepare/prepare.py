@@ -22,7 +22,7 @@ from calib_core.imu.clipped_readings import unclipped
 from calib_core.imu.clipping import clipped, clipped_text
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.imu.quantisation import coarse_text
-from calib_core.presets import named_imu, named_lidar
+from calib_core.presets import require_known
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import IntArray, Recording
 
@@ -61,7 +61,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     Raises Refused where stamps are out of order, SettingsError for a sensor of an unknown name. What is found of the recording
     on the way is said to on_event. The fit of the interpolation goes on in the background.
     """
-    _require_known(settings)
+    require_known(settings)
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     require_order(recording.imu.stamps_ns, "IMU readings")
     stamps_ns = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
@@ -101,14 +101,6 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
         sieve_m=0.0 if sieve is None else sieve.cell_m,
         restored=cut if lost is None else lost.after(cut),
     )  # fmt: skip
-
-
-def _require_known(settings: CalibrateSettings) -> None:
-    """Raises SettingsError where a sensor is named that no preset is of: it would count as any sensor, in silence."""
-    if isinstance(settings.imu_noise, str):
-        named_imu(settings.imu_noise)
-    if settings.lidar is not None:
-        named_lidar(settings.lidar)
 
 
 def _steps(recording: Recording, stamps_ns: IntArray, settings: CalibrateSettings) -> tuple[StampStep, ...]:

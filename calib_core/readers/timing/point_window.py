@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from calib_core.readers.clouds.cloud import RawCloud
+from calib_core.threads import workers
 from calib_core.types import Clue, Finding, FloatArray, IntArray
 
 #: Headers and point times further apart than this count from different instants.
@@ -23,6 +24,8 @@ _MARGIN = 0.06
 _AT_HEADER = 0.05
 #: Sweeps that are seen to last this share of the period follow one another without a pause.
 _CONTIGUOUS = 0.8
+#: From one point to the next is the same in all scans, and where they do not come in order, sorting takes the longest of all.
+_STEP_SCANS = 8
 NS_PER_S = 1_000_000_000
 
 
@@ -69,24 +72,27 @@ def sweep_edges(
     """The edges of the sampled scans. values: each scan's, of points with a return.   quantiles_ns: (K,) 1 and 99 %."""
     low, high = quantiles_ns
     window = _window_ns(low, high, period_s * NS_PER_S, absolute=absolute)
-    headers: list[int] = []
-    firsts: list[int] = []
-    lasts: list[int] = []
-    steps: list[float] = []
-    for cloud, own, near, far in zip(clouds, values, low, high, strict=True):
-        if not math.isfinite(near):
-            continue
-        middle = 0.5 * (near + far) if absolute else 0.0
+    known = np.flatnonzero(np.isfinite(low)).tolist()
+    with_step = set(known[:: max(1, len(known) // _STEP_SCANS)])
+
+    @np.errstate(
+        invalid="ignore", over="ignore"
+    )  # damaged floats are masked, not warned of; a thread has its own state
+    def one(k: int) -> tuple[int, int, int, float] | None:
+        own = values[k]
+        middle = 0.5 * (low[k] + high[k]) if absolute else 0.0
         after = own * ns_per_unit - middle
         inside = own[(after >= window[0]) & (after <= window[1])]
-        if inside.size:
-            headers.append(cloud.header_ns)
-            firsts.append(_whole_ns(inside.min(), ns_per_unit))
-            lasts.append(_whole_ns(inside.max(), ns_per_unit))
-            steps.append(_usual_step(inside) * ns_per_unit)
+        if not inside.size:
+            return None
+        first, last = _whole_ns(inside.min(), ns_per_unit), _whole_ns(inside.max(), ns_per_unit)
+        return clouds[k].header_ns, first, last, _usual_step(inside) * ns_per_unit if k in with_step else math.nan
+
+    found = [each for each in workers().map(one, known) if each is not None]
+    steps = [step for *_, step in found if math.isfinite(step)]
     step_ns = round(float(np.median(steps))) if steps else 0
-    arrays = [np.array(column, np.int64) for column in (headers, firsts, lasts)]
-    return SweepEdges(absolute, period_s, window, arrays[0], arrays[1], arrays[2], step_ns)
+    headers, firsts, lasts = (np.array([each[column] for each in found], np.int64) for column in range(3))
+    return SweepEdges(absolute, period_s, window, headers, firsts, lasts, step_ns)
 
 
 def _usual_step(values: IntArray | FloatArray) -> float:

@@ -302,6 +302,16 @@ def test_a_sensor_that_nobody_knows_is_the_calls_fault(clean: tuple[Recording, T
         calibrate(clean[0], CalibrateSettings(lidar="no-such-lidar"))
 
 
+def test_a_document_has_one_name_for_a_sensor_however_it_was_asked_for(clean: tuple[Recording, Truth]) -> None:
+    """Over HTTP `vlp16` stood there, and the preset's name from the command line. Mutation: the settings as they came."""
+    recording = replace(clean[0], scans=clean[0].scans[:3])
+    for lidar, imu in (("vlp16", "ICM 20948"), ("VLP-16", "icm20948"), ("velodyne-vlp16", "ouster-icm20948")):
+        result = calibrate(recording, CalibrateSettings(lidar=lidar, imu_noise=imu)).result
+        assert result.status == "refused"
+        said = result.provenance.settings
+        assert (said["lidar"], said["imu_noise"]) == ("velodyne-vlp16", "ouster-icm20948")
+
+
 def test_the_document_says_what_the_imu_is_like(calibrated: Calibration, short: Scenario) -> None:
     """Oracle: the simulated IMU's own densities and rate. Mutation: a density for a sample's deviation, ten times as large."""
     noise, imu = calibrated.result.imu_noise, short.imu

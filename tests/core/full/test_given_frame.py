@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from calib_core.calibrate import calibrate
+from calib_core.errors import SettingsError
 from calib_core.events import ignore_event, never_cancel
+from calib_core.full import calibrate as page
 from calib_core.full.initialise import given_frame
 from calib_core.full.initialise.given_frame import in_the_tracks_frame
 from calib_core.full.initialise.kept_track import follow_or_recall
@@ -17,8 +19,11 @@ from calib_core.full.odometry.reference import Followed
 from calib_core.full.odometry.reference_cloud import propose_planes
 from calib_core.full.odometry.register import ScanMotion
 from calib_core.full.planes.propose import find_reference
+from calib_core.full.prepare.excluded_spans import without_spans
 from calib_core.full.prepare.prepare import prepare
 from calib_core.full.run import Run
+from calib_core.geometry import log
+from calib_core.result import CalibrationResult
 from calib_core.settings import CalibrateSettings
 from calib_core.simulate import Truth
 from calib_core.types import Plane, PlanePatch, PlaneProposals, Recording, Scan
@@ -76,6 +81,91 @@ def test_planes_are_told_and_taken_in_the_first_scans_frame(blind: tuple[Recordi
     assert f"not where the scan at {at_s:.1f} s does" in told
     assert {plane.name for plane in chosen.quality.planes} == {plane.name for plane in truth.planes}
     assert np.linalg.norm(np.array(chosen.T_imu_lidar.matrix)[:3, 3] - truth.p_imu_lidar) < 0.03
+
+
+def _excluding(*spans_s: tuple[float, float]) -> CalibrateSettings:
+    return SETTINGS.model_copy(update={"excluded_spans_s": spans_s})
+
+
+def _error(result: CalibrationResult, truth: Truth) -> tuple[float, float]:
+    """By how much the mounting is turned [rad] and away [m] from the true one."""
+    assert result.T_imu_lidar is not None
+    matrix = np.array(result.T_imu_lidar.matrix)
+    turned = float(np.linalg.norm(log(truth.R_imu_lidar.T @ matrix[:3, :3])))
+    return turned, float(np.linalg.norm(matrix[:3, 3] - truth.p_imu_lidar))
+
+
+@pytest.mark.parametrize("span_s", [(0.0, 0.05), (2.04, 2.06)])
+def test_untouched_proposals_are_no_choice_whatever_is_left_out(
+    blind: tuple[Recording, Truth], span_s: tuple[float, float]
+) -> None:
+    """Seen: refused through HTTP, which gives the proposals along, while the scan that they are told in was not left out: without
+    an earlier one each scan has another place, and the search ends at its neighbour. Nor are they a choice where it is left out.
+
+    Oracle: the answer without planes, bit for bit. Mutations: the two searches compared; untouched proposals of another scan
+    taken for a choice; both told apart only where the scan is kept.
+    """
+    recording, _ = blind
+    whole, _ = find_reference(recording.scans, SETTINGS)
+    kept = without_spans(recording, [span_s]).scans
+    assert kept[find_reference(kept, SETTINGS)[0]].stamp_ns != recording.scans[whole].stamp_ns
+    planes = [replace(patch.plane, suggested=True) for patch in propose_planes(recording, SETTINGS).patches]
+    with_them = calibrate(recording, _excluding(span_s), planes=planes).result
+    without = calibrate(recording, _excluding(span_s)).result
+    assert with_them.status in {"calibrated", "weak"}
+    assert with_them.T_imu_lidar == without.T_imu_lidar
+    assert (with_them.uncertainty, with_them.messages) == (without.uncertainty, without.messages)
+
+
+@pytest.mark.parametrize("suggested", [False, True])
+def test_a_choice_stays_in_its_scan_where_another_one_is_left_out(
+    blind: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, suggested: bool
+) -> None:
+    """Some of the proposals, in the frame of a scan on the move that is kept, while the first one is not.
+
+    Oracles: the scan that the track begins with, by its stamp; the truth, with which the answer by all planes agrees as well.
+    Mutations: refused; the planes taken to be in the frame of the scan at which the search ends now.
+    """
+    recording, truth = blind
+    told, _ = find_reference(recording.scans, SETTINGS)
+    proposed = [patch.plane for patch in propose_planes(recording, SETTINGS).patches]
+    assert len(proposed) >= 5
+    chosen = [replace(plane, suggested=suggested) for plane in proposed[:-1]]
+    begun = []
+
+    def follow(run: Run, planes: object, folder: object, begins: int | None) -> Followed:
+        begun.append(begins)
+        return follow_or_recall(run, planes, folder, begins)
+
+    monkeypatch.setattr(page, "follow_or_recall", follow)
+    result = calibrate(recording, _excluding((0.0, 0.05)), planes=chosen).result
+    assert result.status in {"calibrated", "weak"}
+    assert begun == [told - 1]
+    assert {message.code for message in result.messages}.isdisjoint({"planes.frame", "planes.instead"})
+    turned, away_m = _error(result, truth)
+    assert turned < 0.01
+    assert away_m < 0.03
+
+
+def test_planes_of_the_first_scan_outlive_the_scan_of_the_proposals(blind: tuple[Recording, Truth]) -> None:
+    """They are in the map: that the scan is left out in which planes would be proposed does not matter to them; to the proposals
+    that somebody chose from it does, and is said.
+
+    Mutations: refused for the scan that they are not told in; the proposals taken without theirs.
+    """
+    recording, truth = blind
+    told, _ = find_reference(recording.scans, SETTINGS)
+    at_s = 1e-9 * (recording.scans[told].stamp_ns - recording.scans[0].stamp_ns)
+    settings = _excluding((at_s + 0.04, at_s + 0.06))
+    given = [replace(plane, suggested=False) for plane in truth.planes]
+    result = calibrate(recording, settings, planes=given).result
+    assert result.status in {"calibrated", "weak"}
+    assert {plane.name for plane in result.quality.planes} == {plane.name for plane in truth.planes}
+    assert _error(result, truth)[1] < 0.03
+    for suggested in (False, True):
+        proposed = propose_planes(recording, SETTINGS).patches[:-1]
+        with pytest.raises(SettingsError, match=f"keep the scan at {at_s:.2f} s"):
+            calibrate(recording, settings, planes=[replace(patch.plane, suggested=suggested) for patch in proposed])
 
 
 def _run(recording: Recording) -> Run:

@@ -14,7 +14,8 @@ from calib_core.full import attempts as page
 from calib_core.full.initialise.clock_rate import ClocksApart
 from calib_core.full.joint.bounds import SensorsAstray
 from calib_core.full.joint.data_sheets import Beyond
-from calib_core.full.joint.schedule import FULL, Schedule
+from calib_core.full.joint.estimation import MapPlane
+from calib_core.full.joint.schedule import CHOSEN, FULL, Schedule
 from calib_core.full.run import Run
 from calib_core.message_log import MessageLog
 from calib_core.result import Message
@@ -158,6 +159,7 @@ def asked_of(
     monkeypatch.setattr(page, "estimate_further", lambda run, solved, schedule: outcome(run, f"freed from {solved}"))
     monkeypatch.setattr(page, "beyond_sheets", lambda found: Beyond("incidence", 5.0) if "beyond" in found else None)
     monkeypatch.setattr(page, "without_sheet", allowing)
+    monkeypatch.setattr(page, "consistent", lambda *_: None)
     monkeypatch.setattr(page, "say_beyond", lambda run, _: run.say("warning", "beyond", "not relied on"))
     monkeypatch.setattr(
         page, "with_late_blocks", lambda run, found, _: Found(f"{found} apart") if "wide" in found else None
@@ -240,7 +242,8 @@ def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """That a wall was left out, while it counts in the end. What goes on from an end has all that led there. Mutations: nothing
-    unsaid; all, from the first word; what said that a sheet is not relied on; where it goes on from an end, too.
+    unsaid; all, from the first word; what said that a sheet is not relied on; where it goes on from an end, too; which
+    parameter ran away.
     """
     astray, away = SensorsAstray("laser_elevation", 0.0126, 14.0), Refused("solve.offset_ran_away", "too far")
 
@@ -255,7 +258,8 @@ def test_what_is_said_of_an_attempt_that_leads_nowhere_is_not_said_of_the_answer
     assert told(astray, "end") == ["before", "not relied on", "as auto any"]
     assert told(away, "held", "freed") == ["before", "as consider", "as freed from held"]
     assert told(away, "held", away)[:2] == ["before", "as consider"]
-    assert len(told(away, "held", away)) == 3  # and that the sensors are held
+    assert told(away, "held", away)[2].endswith("are counted in the error bars")  # as the sensors are held
+    assert "it needs a laser elevation 14 times as large as is usual" in told(away, "held", astray)[2]
 
 
 def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -287,7 +291,7 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
 
     def told(solved: Any) -> tuple[str, str, list[str]]:
         heard.restore(before)
-        end, trust = page.weighed(run, solved, is_choice=True)
+        end, trust = page.weighed(run, solved, CHOSEN)
         return str(end), str(trust.of), [message.text for message in heard.messages]
 
     before = heard.snapshot()
@@ -296,6 +300,88 @@ def test_a_solve_is_gone_on_with_where_accelerometers_are_apart(monkeypatch: pyt
     assert told("one") == ("end", "end", ["before", "goes on", "end, a choice True"])
     assert told("two") == ("two", "two", ["before", "two, a choice True"])
     assert told("more") == ("end", "end", ["before", "goes on", "end, a choice True"])
+
+
+def test_a_solve_is_gone_on_with_where_a_small_plane_is_at_odds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Named, and weighed again without it; as it was where planes disagree all the same, or no rest is found.
+
+    Mutations: left out whatever comes of it; left out without a word, or without its height; asked of planes that a
+    person chose.
+    """
+    heard = MessageLog(lambda _: None, [Message(code="first", level="info", text="before")])
+    unused: Any = None
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, log=heard)
+
+    def end_of(name: str, *planes: str) -> Any:
+        named = tuple(MapPlane(each, found_m=0.6) for each in planes)
+        seen = SimpleNamespace(gravity=np.array([0.0, 0.0, -9.8]), normals=np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]))
+        return SimpleNamespace(name=name, planes=named, estimate=seen, state=SimpleNamespace(planes=named))
+
+    def weigh(run: Run, solved: Any, *, is_choice: bool) -> Any:
+        run.say("info", "weighed", f"{solved.name}")
+        beyond = {"all": ("planes", "lasers"), "torn": ("planes", "lasers"), "better": ("lasers",), "other": ("time",)}
+        ways = ("time", "planes", "lasers")
+        found = [SimpleNamespace(name=way, is_beyond_noise=way in beyond.get(solved.name, ())) for way in ways]
+        return SimpleNamespace(found=found, apart=solved.name)
+
+    def further(run: Run, solved: Any, schedule: Any) -> Any:
+        if solved.name == "astray":
+            raise Refused("solve.inconsistent", "no")
+        return solved
+
+    ends: dict[str, Any] = {}
+    monkeypatch.setattr(page, "weigh", weigh)
+    monkeypatch.setattr(page, "estimate_further", further)
+    monkeypatch.setattr(page, "with_late_blocks", lambda *_: None)
+    monkeypatch.setattr(page, "without_odd_planes", lambda solved, apart, found, rules: ends.get(apart))
+
+    def told(schedule: Schedule = FULL) -> tuple[str, list[str]]:
+        heard.restore(before)
+        end: Any = page.weighed(run, end_of("all", "wall", "table"), schedule)[0]
+        return end.name, [message.text for message in heard.messages]
+
+    before = heard.snapshot()
+    assert told() == ("all", ["before", "all"])
+    left_out = "table does not fit the motion of the other planes (0.6 m below the lidar): left out"
+    for name, expected in (
+        ("walls", ("walls", ["before", left_out, "walls"])),
+        ("better", ("better", ["before", left_out, "better"])),
+        ("other", ("all", ["before", "all"])),
+        ("torn", ("all", ["before", "all"])),
+        ("astray", ("all", ["before", "all"])),
+    ):
+        ends["all"] = end_of(name, "wall")
+        assert told() == expected, name
+        assert told(CHOSEN) == ("all", ["before", "all"])
+
+
+def test_an_answer_with_room_for_a_sensor_counts_where_all_parts_agree(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise nothing was said. Mutations: where parts disagree, too; a refusal let through."""
+    heard = MessageLog(lambda _: None, ())
+    unused: Any = None
+    run = Run(unused, CalibrateSettings(), unused, unused, unused, heard, unused, log=heard)
+    task = page.Task(unused, unused, unused, None, CalibrateSettings())
+
+    def solve(run: Run, _: object) -> str:
+        run.say("info", "solved", "solved")
+        return "end"
+
+    def weighed(_run: Run, solved: str, _schedule: Schedule) -> Any:
+        ways = outcomes.pop(0)
+        if ways is None:
+            raise Refused("motion.undetermined", "no")
+        found = [SimpleNamespace(name=way, is_beyond_noise=True) for way in ways]
+        return solved, SimpleNamespace(found=found)
+
+    monkeypatch.setattr(page, "solve", solve)
+    monkeypatch.setattr(page, "weighed", weighed)
+    monkeypatch.setattr(page, "answer", lambda _run, solved, _trust, _lidar: solved)
+    outcomes: list[tuple[str, ...] | None] = [(), ("time",), None]
+    for expected in ("end", None, None):
+        heard.restore(())
+        found: Any = page.consistent(run, task)
+        assert found == expected
+        assert len(heard.messages) == (expected is not None)
 
 
 def test_what_an_attempt_retracts_is_said_again_where_it_led_nowhere() -> None:

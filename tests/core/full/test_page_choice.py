@@ -64,7 +64,7 @@ def counted(
     followed = Followed(
         0, seen, [], proposals=(*seen[:of], *more), of_proposal=of_proposal, late=tuple(k < 0 for k in of_proposal)
     )
-    monkeypatch.setattr(page, "in_the_tracks_frame", lambda _run, planes: (planes, None))
+    monkeypatch.setattr(page, "in_the_tracks_frame", lambda _run, planes, _told_at_ns: (planes, None))
     monkeypatch.setattr(page, "follow_or_recall", lambda *_: followed)
     monkeypatch.setattr(page, "initialise", lambda *_: (None, START))
     monkeypatch.setattr(attempts, "solve", solve)

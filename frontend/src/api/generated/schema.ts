@@ -236,6 +236,8 @@ export interface paths {
         /**
          * Change Recording
          * @description Rename, choose topics and time span, overrule what was detected. A changed read setting inspects again.
+         *
+         *     It also stops all jobs of the recording that wait or run, solves among them: they are of how it was read before.
          */
         patch: operations["change_recording"];
         trace?: never;

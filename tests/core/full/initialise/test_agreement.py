@@ -134,7 +134,7 @@ def test_the_gyroscope_turns_the_lidar() -> None:
     imu_s = np.arange(0.0, 4.0, 0.01)
     gyro = GyroTurns(imu_s, np.tile(R_C @ rate, (len(imu_s), 1)))
     rotation = RotationStart(LAG_S, R_C, bias, 0.0, 1.0, None)
-    turning = GyroTurning(gyro, rotation, 10**18, 0.0, float(imu_s[-1]))
+    turning = GyroTurning(gyro, rotation, 10**18)
     turn = turning.between(10**18 + 10**9, 10**18 + 1_400_000_000)
     assert turn is not None
     np.testing.assert_allclose(log(turn), 0.4 * rate, atol=1e-9)

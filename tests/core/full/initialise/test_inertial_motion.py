@@ -22,7 +22,7 @@ ROTATION = RotationStart(0.0, R_C, np.zeros(3), 0.0, 1.0, None)
 
 def _turning() -> GyroTurning:
     gyro = GyroTurns(IMU_S, np.tile(R_C @ RATE, (len(IMU_S), 1)))
-    return GyroTurning(gyro, ROTATION, 0, 0.0, float(IMU_S[-1]))
+    return GyroTurning(gyro, ROTATION, 0)
 
 
 def test_steps_add_up_either_way_and_end_where_one_is_not_known() -> None:
@@ -57,6 +57,20 @@ def test_the_longest_run_between_faults_is_the_sound_stretch() -> None:
     assert stretch([3, 4, 15], [9]) == [10, 11, 12, 13, 14, 15]
     assert stretch([], [7]) == list(range(8, 20))
     assert stretch([], []) == list(range(20))
+
+
+def test_turns_are_told_of_spans_in_which_the_imu_was_not_silent() -> None:
+    """Readings from 0 to 3 s but for half a second: before and after it, whichever way round, and nothing of a span that shares
+    any of it, or ends after them. Mutations: only the recording's ends asked; the silence's ends in the wrong order.
+    """
+    imu_s = IMU_S[(IMU_S <= 1.0) | (IMU_S >= 1.5)]
+    turning = GyroTurning(GyroTurns(imu_s, np.tile(R_C @ RATE, (len(imu_s), 1))), ROTATION, 0)
+    spans_ms = {(200, 900): True, (900, 200): True, (1600, 2800): True, (900, 1100): False, (1700, 1400): False}
+    for (start_ms, end_ms), told in {**spans_ms, (2800, 3100): False}.items():
+        turned = turning.between(start_ms * 10**6, end_ms * 10**6)
+        assert (turned is not None) is told
+        if turned is not None:
+            np.testing.assert_allclose(turned, exp(1e-3 * (end_ms - start_ms) * RATE), atol=1e-9)
 
 
 def test_leaps_are_turns_that_the_gyroscope_has_not_felt() -> None:

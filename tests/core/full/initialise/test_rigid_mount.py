@@ -12,6 +12,8 @@ from scipy.spatial.transform import Rotation
 from calib_core.errors import Refused
 from calib_core.full.initialise.rigid_mount import left_of, require_rigid
 from calib_core.full.initialise.start import LidarTrack, RotationStart
+from calib_core.full.planes.curved import CurvedSurfaces
+from calib_core.settings import CalibrateSettings
 from calib_core.types import FloatArray
 from tests.core.full.initialise.perfect_tracks import SCENARIO, imu_readings, tracked_lidar, truth_of
 
@@ -33,7 +35,8 @@ def _refused(turned_rad: FloatArray | None, *, gyro_scale: float = 1.0, leaps: i
         R[after] = Rotation.from_rotvec([0.5, 0.0, 0.0]).as_matrix() @ R[after]
     run = SimpleNamespace(
         clocks=SimpleNamespace(imu_s=stamps),
-        recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=gyro * gyro_scale)),
+        recording=SimpleNamespace(imu=SimpleNamespace(gyro_rad_s=gyro * gyro_scale), scans=[]),
+        settings=CalibrateSettings(),
     )
     try:
         rotation = RotationStart(OFFSET_S, truth.R_imu_lidar, np.zeros(3), 0.1, 1.0, None)
@@ -70,6 +73,19 @@ def test_a_lidar_that_a_motor_turns_is_named(most_deg: float, every_s: float) ->
     told_deg = float(said.split("rotations differ by ")[1].split(" deg")[0])
     assert said.startswith("motion.not_rigid: ")
     assert 0.5 * half_deg < told_deg < 1.1 * half_deg
+
+
+def test_a_round_room_is_named_before_a_motor_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Seen in a silo, whose wall was taken for eleven planes: "a motor, a gimbal, a loose mount". Sensors that are fixed are let
+    through in a round room, too. Mutations: never asked; asked of every track.
+    """
+    silo = CurvedSurfaces(curved=11, all=12, radius_m=3.12)
+    monkeypatch.setattr("calib_core.full.initialise.rigid_mount.curved_surfaces", lambda *_: silo)
+    said = _refused(_motor(30.0, 12.0))
+    assert said.startswith("planes.lost: ")
+    assert "11 of the 12 surfaces that were taken for planes are curved, with a radius of about 3.1 m" in said
+    assert "three flat surfaces" in said
+    assert _refused(None) == ""
 
 
 def test_too_few_scans_tell_nothing() -> None:

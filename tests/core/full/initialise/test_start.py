@@ -11,11 +11,12 @@ from scipy.spatial.transform import Rotation
 
 from calib_core.errors import Refused
 from calib_core.events import ignore_event, never_cancel
+from calib_core.full.initialise.agreement import mean_rate
 from calib_core.full.initialise.initialise import initialise
-from calib_core.full.initialise.linear import double_integral, linear_start, linear_steps
+from calib_core.full.initialise.linear import Steps, double_integral, linear_start, linear_steps
 from calib_core.full.initialise.rotation import _fit_rotations, rotation_start
-from calib_core.full.initialise.single_axis import turns_about, upright
-from calib_core.full.initialise.start import RotationStart, Start
+from calib_core.full.initialise.single_axis import _alike, turns_about, upright
+from calib_core.full.initialise.start import LinearStart, RotationStart, Start
 from calib_core.full.initialise.time_offset import GyroTurns, LidarTurns, candidate_lags, turns_of
 from calib_core.full.prepare.prepare import prepare
 from calib_core.geometry import exp, log
@@ -28,6 +29,7 @@ from tests.core.full.initialise.perfect_tracks import (
     ACCEL_BIAS,
     GYRO_BIAS,
     SCENARIO,
+    SWEEP_S,
     imu_readings,
     tracked_lidar,
     truth_of,
@@ -135,9 +137,13 @@ def test_turning_about_one_axis_leaves_the_turn_about_it_open() -> None:
     assert nearest < 8.0
 
 
-def _trials(truth: Truth, noise: float) -> tuple[list[Start], Callable[[RotationStart], Start]]:
-    """What the accelerations say at 24 turns about the axis, and how they were asked."""
+def _trials(
+    truth: Truth, noise: float, slid_m: FloatArray | None = None
+) -> tuple[list[Start], Callable[[RotationStart], Steps]]:
+    """What the accelerations say at 24 turns about the axis, and how they were asked. slid_m: (N, 3) that a track is off by."""
     track = tracked_lidar(truth, 5.0, 25.0, noise=noise)
+    if slid_m is not None:
+        track = replace(track, p=track.p + slid_m[: len(track.p)])
     stamps, gyro, accel = imu_readings(truth, 4.0, 26.0, 0.02)
     start = rotation_start(track, stamps, gyro)[0]
     assert start.open_axis_imu is not None
@@ -145,8 +151,11 @@ def _trials(truth: Truth, noise: float) -> tuple[list[Start], Callable[[Rotation
     def trial(rotation: RotationStart) -> Start:
         return Start(rotation, linear_start(track, stamps, accel, rotation, gravity_m_s2=9.807))
 
+    def steps(rotation: RotationStart) -> Steps:
+        return linear_steps(track, stamps, accel, rotation, gravity_m_s2=9.807)
+
     turns = turns_about(start.open_axis_imu, start.R_imu_lidar, 24)
-    return [trial(replace(start, R_imu_lidar=R)) for R in turns], trial
+    return [trial(replace(start, R_imu_lidar=R)) for R in turns], steps
 
 
 def _seen(truth: Truth, *normals_world: tuple[float, float, float]) -> FloatArray:
@@ -169,10 +178,72 @@ def test_an_open_turn_is_taken_where_planes_are_plumb_and_level(
     """
     scenario = SCENARIOS["one-axis-in-place"]
     truth = truth_of(replace(scenario, motion=ONE_AXIS_IN_PLACE, mounting=_mounting(seed)))
-    trials, trial = _trials(truth, 0.002)
-    chosen = upright(trials, _seen(truth, *normals), trial)
+    trials, steps = _trials(truth, 0.002)
+    chosen = upright(trials, _seen(truth, *normals), steps)
     off = np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ chosen.rotation.R_imu_lidar)))
     assert off < 4.0
+
+
+@pytest.mark.parametrize("slid_m", [0.0, 0.8])
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_in_a_box_that_is_as_plumb_a_quarter_of_a_turn_on_the_lidar_stands(seed: int, slid_m: float) -> None:
+    """Nodding in place about a level axis along a wall; the track may be 0.8 m away wherever the lidar
+    looks far down or up, as past what it follows.
+
+    Seen: a wall was taken for the floor, 96 deg off. Mutations: the lowest of the slopes counts, leaning or not; gravity by the
+    fit of all steps, which a track that slides turns.
+    """
+    nod = replace(ONE_AXIS_IN_PLACE.turns[0], axis=(0.0, 1.0, 0.0))
+    motion = replace(ONE_AXIS_IN_PLACE, turns=(nod,), base=Pose(position_m=(1.2, 1.2, 0.9)))
+    truth = truth_of(replace(SCENARIOS["one-axis-in-place"], motion=motion, mounting=_mounting(seed)))
+    nodded = np.array([np.linalg.norm(log(R)) for R in tracked_lidar(truth, 5.0, 25.0).R])
+    away = (nodded > np.quantile(nodded, 0.7))[:, None] * np.array([-0.6, 0.0, 0.8])
+    trials, steps = _trials(truth, 0.002, slid_m * away)
+    chosen = upright(trials, _seen(truth, FLOOR, *WALLS, (-0.02, 0.01, -1.0), (-1.0, 0.0, 0.02)), steps)
+    off = np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ chosen.rotation.R_imu_lidar)))
+    assert off < 5.0
+
+
+def _steps_off(off_m: FloatArray) -> Steps:
+    """Steps of which each is off by so much, seen whole."""
+    n = len(off_m)
+    shown = off_m[:, None] * np.array([0.6, 0.0, 0.8])
+    nothing = LinearStart(np.zeros(3), np.zeros(3), np.zeros(3), 1.0)
+    return Steps(nothing, np.arange(n), shown, np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros(3))
+
+
+def test_a_turn_is_told_where_all_stretches_of_the_track_tell_it() -> None:
+    """A fifth worse by the one stretch in which the track slid is no worse; a fifth worse all along is; a hundredth is not.
+
+    Oracle: by construction. Mutations: the sums alone count, a twentieth at most; only stretches count.
+    """
+    rng = np.random.default_rng(3)
+    off_m = np.abs(rng.normal(0.010, 0.003, 240))
+    slid, all_along = off_m.copy(), off_m * 1.2
+    slid[60:75] = 0.05
+    told = [_steps_off(each) for each in (off_m, slid, all_along, off_m * 1.01)]
+    assert _alike(told).tolist() == [True, True, False, True]
+
+
+def test_a_lidar_that_stands_is_likelier_than_one_on_its_side_that_fits_better_by_chance() -> None:
+    """Nodding in place, tried a quarter of a turn on from the truth, which fits a hundredth better there.
+
+    Mutation: the best fit stays wherever it is as plumb.
+    """
+    nod = replace(ONE_AXIS_IN_PLACE.turns[0], axis=(0.0, 1.0, 0.0))
+    motion = replace(ONE_AXIS_IN_PLACE, turns=(nod,), base=Pose(position_m=(1.2, 1.2, 0.9)))
+    truth = truth_of(replace(SCENARIOS["one-axis-in-place"], motion=motion, mounting=_mounting(2)))
+    trials, steps = _trials(truth, 0.0005)
+    found = trials[0].rotation
+    assert found.open_axis_imu is not None
+    family = []
+    for R in turns_about(found.open_axis_imu, truth.R_imu_lidar, 24):
+        rotation = replace(found, R_imu_lidar=R)
+        family.append(Start(rotation, steps(rotation).start))
+    least = min(t.linear.rms for t in family)
+    family[6] = replace(family[6], linear=replace(family[6].linear, rms=0.99 * least))
+    chosen = upright(family, _seen(truth, (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), steps)
+    assert np.degrees(np.linalg.norm(log(truth.R_imu_lidar.T @ chosen.rotation.R_imu_lidar))) < 5.0
 
 
 def test_a_turn_that_the_accelerations_tell_is_left_to_them() -> None:
@@ -181,8 +252,8 @@ def test_a_turn_that_the_accelerations_tell_is_left_to_them() -> None:
     Turning about one axis while moving along all three, before nothing but a ramp.
     """
     truth = truth_of(replace(SCENARIOS["one-axis"], motion=ONE_AXIS, mounting=_mounting(4)))
-    trials, trial = _trials(truth, 0.002)
-    chosen = upright(trials, _seen(truth, RAMP), trial)
+    trials, steps = _trials(truth, 0.002)
+    chosen = upright(trials, _seen(truth, RAMP), steps)
     assert chosen is min(trials, key=lambda t: t.misfit)
 
 
@@ -196,16 +267,16 @@ def test_about_an_upright_axis_the_accelerations_keep_their_say() -> None:
     x, y, _ = (tuple(replace(wave, amplitude=0.008 * wave.amplitude) for wave in waves) for waves in ONE_AXIS.position)
     motion = replace(ONE_AXIS_IN_PLACE, turns=(upright_hinge,), base=level, position=(x, y, ()))
     truth = truth_of(replace(SCENARIOS["one-axis-in-place"], motion=motion))
-    trials, trial = _trials(truth, 0.002)
+    trials, steps = _trials(truth, 0.002)
     alike = [t for t in trials if t.misfit < 1.05 * min(t.misfit for t in trials)]
     assert len(alike) >= 3
-    assert upright(trials, _seen(truth, FLOOR, *WALLS), trial) is min(trials, key=lambda t: t.misfit)
+    assert upright(trials, _seen(truth, FLOOR, *WALLS), steps) is min(trials, key=lambda t: t.misfit)
 
 
 def test_the_turn_that_fits_best_stays_where_no_other_is_more_upright() -> None:
     """Fails when a turn is taken for the sake of a slope of a plane that is plumb and level nowhere on the way round."""
     truth = truth_of(replace(SCENARIOS["one-axis-in-place"], motion=ONE_AXIS_IN_PLACE, mounting=_mounting(1)))
-    trials, trial = _trials(truth, 0.002)
+    trials, steps = _trials(truth, 0.002)
     hinge = np.array(HINGE) / np.linalg.norm(HINGE)
     R_map_lidar = truth.map_lidar(np.zeros(1))[0][0]
     along = (R_map_lidar @ hinge)[None]
@@ -213,7 +284,7 @@ def test_the_turn_that_fits_best_stays_where_no_other_is_more_upright() -> None:
     assert (
         10.0 < np.degrees(np.arccos(abs(along[0] @ best.linear.gravity) / np.linalg.norm(best.linear.gravity))) < 80.0
     )
-    assert upright(trials, along, trial) is best
+    assert upright(trials, along, steps) is best
 
 
 def test_turns_go_once_round() -> None:
@@ -339,6 +410,28 @@ def test_gyro_turns_are_the_products_of_scipys_rotations_and_nothing_beyond_the_
     np.testing.assert_allclose(GyroTurns(t, rate).over(start, end), expected, atol=3e-3)
 
 
+def test_nothing_is_told_of_what_an_imu_was_silent_over() -> None:
+    """Half a second without readings of a motion to and fro: a line from the last reading to the next one is off by 20 deg and
+    half a metre a second. The steps of an exact track that are told are all felt, and none of them lies across the silence.
+
+    Mutations: turns over a silence told; steps over one; a mean rate over one.
+    """
+    truth = truth_of(SCENARIO)
+    track = tracked_lidar(truth, 5.0, 25.0)
+    stamps, gyro, accel = imu_readings(truth, 1.0, 30.0, 0.0)
+    kept = (stamps < 15.02) | (stamps > 15.53)
+    stamps, gyro, accel = stamps[kept], gyro[kept] - GYRO_BIAS, accel[kept]
+    across = (track.start_s + SWEEP_S > 15.02) & (track.start_s < 15.53)
+    turns = GyroTurns(stamps, gyro).over(track.start_s, track.start_s + SWEEP_S)
+    np.testing.assert_array_equal(np.isnan(turns[:, 0]), across)
+    rates = mean_rate(stamps, gyro, track.start_s, track.start_s + SWEEP_S)
+    np.testing.assert_array_equal(np.isnan(rates), across)
+    rotation = RotationStart(0.0, truth.R_imu_lidar, np.zeros(3), 0.0, 1.0, None)
+    steps = linear_steps(track, stamps, accel, rotation, gravity_m_s2=truth.scenario.gravity_m_s2)
+    np.testing.assert_array_equal(steps.step, 1 + np.flatnonzero(~across[1:-1]))
+    assert steps.off_m.max() < 0.02
+
+
 def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
     """Fails when the position is held from one scan to the next."""
     truth = truth_of(SCENARIOS["paper-normal"])
@@ -347,6 +440,25 @@ def test_a_track_between_its_scans_runs_on_at_constant_rates() -> None:
     R_true, p_true = truth.map_lidar(np.array([5.04, 7.95]))
     np.testing.assert_allclose(R, R_true, atol=2e-3)
     np.testing.assert_allclose(p, p_true, atol=1e-3)
+
+
+@pytest.mark.parametrize(("scenario", "asked"), [("no-rotation", False), ("paper-normal", True)])
+def test_sweeps_are_held_against_turns_that_the_gyroscope_has_felt(
+    scenario: str, asked: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Seen: a rig that was shifted about, whose track turned by errors, refused for clouds whose motion was taken out.
+
+    Mutation: asked in any case.
+    """
+    recording, truth = generate(SCENARIOS[scenario], seed=11, duration_s=8.0)
+    run = prepare(recording, CalibrateSettings(), ignore_event, never_cancel)
+    motions = true_motions(truth, run.clocks.lidar_epoch_ns, run.clocks.scan_s)
+    calls = []
+    monkeypatch.setattr(
+        "calib_core.full.initialise.initialise.require_measured_sweeps", lambda *_: calls.append("asked")
+    )
+    initialise(run, motions, truth.planes, None)
+    assert calls == ["asked"] * asked
 
 
 def test_where_only_noise_turns_the_rotation_comes_from_the_accelerations() -> None:

@@ -11,7 +11,7 @@ from calib_core.factors.imu import KnotStates
 from calib_core.factors.laser_features import LaserFactors
 from calib_core.factors.lidar_plane import Gate, LidarNoise, select
 from calib_core.factors.support import CELL_M, HALF_CELLS, ExtentSurvey
-from calib_core.full.joint import association, moments
+from calib_core.full.joint import association, moments, thinning
 from calib_core.full.joint.association import _capped, associate, survey
 from calib_core.full.joint.lidar_noise import measure_noise
 from calib_core.full.joint.moments import Micro, agreeing, gather
@@ -415,3 +415,21 @@ def test_where_points_meet_planes_is_kept_for_so_many(
         kept.append(sum(len(hits.plane) for hits in view.thinned.values()))
         assert all((view.hits([i], GATE, 4).d == hits.d).all() for i, hits in zip(SCANS, found, strict=True))
     assert kept[0] > each >= kept[1] > 0
+
+
+def test_strays_are_the_points_beside_the_planes_whichever_lasers_are_taken(
+    noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without one wall among the planes, its points are strays, and hardly any other. Oracle: the planes.
+
+    Mutation: which points stray told in another order than where they are.
+    """
+    monkeypatch.setattr(thinning, "SURVEYING", replace(SURVEYING, lasers_at_once=4))
+    view = _view(*noisy)
+    e = view.estimate
+    without = replace(view, estimate=replace(e, normals=e.normals[1:], offsets_m=e.offsets_m[1:]))
+    strays = np.concatenate([without.strays(i, 3000, 0.1) for i in SCANS])
+    away = np.abs(strays @ e.normals.T + e.offsets_m)
+    assert len(strays) > 500
+    assert (away[:, 0] < 0.1).mean() > 0.9
+    assert (away[:, 1:] > 0.1).all(axis=1).mean() > 0.8

@@ -12,12 +12,12 @@ import pytest
 from scipy.stats import chi2
 
 from calib_core.calibrate import calibrate
-from calib_core.events import never_cancel
-from calib_core.full.joint.data_sheets import Beyond, beyond_sheets, say_beyond, without_sheet
+from calib_core.events import ignore_event, never_cancel
+from calib_core.full.joint.data_sheets import Beyond, beyond_sheets, say_beyond, with_room, without_sheet
 from calib_core.full.joint.estimation import Estimation
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settings import SHEETS
-from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock, nuisance_of
+from calib_core.full.prepare.nuisance import Nuisance, NuisanceBlock, nuisance_of, unknowns_of
 from calib_core.full.prepare.prepare import prepare
 from calib_core.intrinsics import UNKNOWN_IMU, UNKNOWN_LIDAR, Block
 from calib_core.settings import CalibrateSettings
@@ -148,6 +148,35 @@ def test_a_sensor_that_is_not_what_its_name_says_is_calibrated_for_what_it_is(
     assert error @ np.linalg.solve(np.array(result.uncertainty.covariance), error) < chi2.isf(1e-3, 7)
     cost = [m.text for m in result.messages if m.code == "sensor.priors"]
     assert all(text.startswith("some sensors are worse than their data sheets say") for text in cost)
+
+
+def test_a_gyroscope_that_feels_accelerations_more_than_any_is_calibrated_for_what_it_is() -> None:
+    """Oracle: the simulator's truth. Seen: of one that feels a degree a second per g the sensors were held, and it ended `weak`,
+    its parts torn. Mutation: hold what ran away beyond the loosest sheet.
+    """
+    recording, truth = generate(SHORT, seed=51, faults=parse_faults("g-sensitivity=0.003"))
+    result = calibrate(recording, CalibrateSettings(crispness=False)).result
+    assert result.status == "calibrated"
+    (told,) = [m.text for m in result.messages if m.code == CODE]
+    assert re.search("the IMU is \\d+ times as far off in its g sensitivity as any data sheet allows", told)
+    assert result.uncertainty is not None
+    error = errors_of(result, truth)
+    assert error @ np.linalg.solve(np.array(result.uncertainty.covariance), error) < chi2.isf(1e-3, 7)
+
+
+def test_room_is_made_for_what_ran_away_alone_and_once(noisy: tuple[Recording, Truth]) -> None:
+    """As much as it was found to be. Mutations: every block's; a whitener as it was; clocks; again."""
+    run = prepare(noisy[0], CalibrateSettings(), ignore_event, never_cancel)
+    roomy = with_room(run, Beyond("laser_azimuth", 13.0))
+    assert roomy is not None
+    before, after = unknowns_of(run), unknowns_of(roomy)
+    for one, other in zip(before.blocks, after.blocks, strict=True):
+        times = 13.0 if one.block == "laser_azimuth" else 1.0
+        np.testing.assert_allclose(other.prior_std, times * one.prior_std)
+        if one.whitener is not None and other.whitener is not None:
+            np.testing.assert_allclose(times * other.whitener, one.whitener)
+    assert with_room(roomy, Beyond("laser_azimuth", 13.0)) is None
+    assert with_room(run, Beyond("clock_rate", 13.0)) is None
 
 
 def test_nothing_is_said_of_sensors_that_are_as_their_sheets_have_them(noisy: tuple[Recording, Truth]) -> None:

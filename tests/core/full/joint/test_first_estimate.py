@@ -10,7 +10,7 @@ import pytest
 from calib_core.events import ignore_event, never_cancel
 from calib_core.full.initialise.start import LidarTrack, LinearStart, RotationStart, Start
 from calib_core.full.joint.estimation import JointData
-from calib_core.full.joint.first_estimate import begin
+from calib_core.full.joint.first_estimate import begin, map_planes
 from calib_core.full.joint.state_views import map_pose
 from calib_core.full.odometry.reference import Followed
 from calib_core.full.prepare.prepare import prepare
@@ -111,3 +111,16 @@ def test_the_map_is_the_frame_of_a_scan_that_the_imu_covers(clean: tuple[Recordi
         np.testing.assert_allclose(_off_plane_m(Plane("", normal, float(offset_m)), name.outline_m), 0.0, atol=1e-9)
         origin_m = -motions[first].R.T @ motions[first].p  # where the first scan's origin is seen from there
         assert normal @ origin_m + offset_m == pytest.approx(plane.offset_m, abs=1e-9)
+
+
+def test_a_plane_was_found_where_somebody_was_shown_it() -> None:
+    """A proposal whose plane the straightened sweep has laid elsewhere, and one that came into view on the way.
+
+    Mutations: as the track has it; by their order.
+    """
+    level = np.array([0.0, 0.0, 1.0])
+    shown = (Plane("wall", np.array([1.0, 0.0, 0.0]), 2.0), Plane("floor", level, 0.6))
+    planes = [Plane("floor", level, 0.65), Plane("floor 2", level, 1.31)]
+    track = Followed(0, planes, [], proposals=shown, of_proposal=(1, -1), late=(False, True))
+    assert [plane.found_m for plane in map_planes(track)] == [0.6, 1.31]
+    assert [plane.late for plane in map_planes(track)] == [False, True]

@@ -94,7 +94,7 @@ def test_a_floor_that_is_as_flat_as_floors_are_stays(monkeypatch: pytest.MonkeyP
     Mutations: whatever wanders goes; nothing that wanders does.
     """
     planes = [MapPlane(name) for name in ("floor", "wall", "ceiling", "other", "hedge")]
-    state = state_of(np.arange(15.0).reshape(5, 3), np.arange(5.0), *planes)
+    state = state_of(np.tile([0.0, 1.0, 0.0], (5, 1)), np.arange(5.0), *planes)
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
     monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.ones(5), np.array([300.0, 300.0, 100.0, 300.0, 50.0])))
     monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: np.zeros((5, 3)))
@@ -126,7 +126,9 @@ def test_planes_that_are_dropped_take_their_outlines_with_them(monkeypatch: pyte
     """Fails when planes are thinned out but not their names and outlines, or points of the old numbers are kept."""
     outline_m = np.zeros((3, 3))
     planes = [MapPlane(name, outline_m if name == "c" else None) for name in "abcd"]
-    state = state_of(np.arange(12.0).reshape(4, 3), np.arange(4.0), *planes)
+    turned = 0.3 * np.arange(4.0)
+    normals = np.stack([np.cos(turned), np.sin(turned), np.zeros(4)], axis=1)
+    state = state_of(normals, np.arange(4.0), *planes)
 
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
     monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.array([1.0, 90.0, 1.1, 0.9]), np.full(4, 100.0)))
@@ -149,7 +151,7 @@ def test_what_holds_many_points_is_judged_once_the_sensors_are_known(monkeypatch
     the wall. Mutations: the wall left out with the box; the box kept; the share of a mean plane; kept at the end, too.
     """
     planes = [MapPlane(name) for name in ("floor", "wall", "ceiling", "other", "box")]
-    state = state_of(np.arange(15.0).reshape(5, 3), np.arange(5.0), *planes)
+    state = state_of(np.tile([0.0, 1.0, 0.0], (5, 1)), np.arange(5.0), *planes)
     doubt = np.zeros((5, 3))
     doubt[[1, 4], 1] = 2.0
     points = np.array([300.0, 300.0, 170.0, 180.0, 50.0])
@@ -169,7 +171,7 @@ def test_what_holds_many_points_is_judged_once_the_sensors_are_known(monkeypatch
 def test_what_a_person_chose_stays_among_what_was_proposed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two boxes, of which one is wanted. Mutations: the wanted one goes, too; both stay."""
     planes = [MapPlane(name, chosen=name == "my box") for name in ("floor", "wall", "ceiling", "my box", "box")]
-    state = state_of(np.arange(15.0).reshape(5, 3), np.arange(5.0), *planes)
+    state = state_of(np.tile([0.0, 1.0, 0.0], (5, 1)), np.arange(5.0), *planes)
     doubt = np.zeros((5, 3))
     doubt[[3, 4], 1] = 2.0
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
@@ -283,7 +285,7 @@ def test_walls_that_scatter_as_noise_makes_them_stay_beside_a_floor_that_scatter
     warning of what nobody was shown.
     """
     planes = [MapPlane(name) for name in ("floor", "wall 1", "wall 2", "wall 3", "bin")]
-    state = state_of(np.arange(15.0).reshape(5, 3), np.arange(5.0), *planes)
+    state = state_of(np.tile([0.0, 1.0, 0.0], (5, 1)), np.arange(5.0), *planes)
     chi2, points = np.array([0.06, 0.54, 0.52, 0.56, 2.7]), np.array([358829.0, 92685.0, 118237.0, 51431.0, 3611.0])
     stand = [Standing(0.0, 0.0, float(c), float(n)) for c, n in zip(chi2, points, strict=True)]
     monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
@@ -297,6 +299,38 @@ def test_walls_that_scatter_as_noise_makes_them_stay_beside_a_floor_that_scatter
     # Nobody was shown what came into view on the way.
     drop_planes(data, replace(state, planes=(*planes[:4], MapPlane("bin", late=True))), PlaneSet())
     assert said[1:] == [("info", "planes.mixed", "bin is more than one surface: left out")]
+
+
+@pytest.mark.parametrize(
+    ("normal", "found_m", "told"),
+    [
+        ((0.02, 0.0, 0.9998), 0.598, " (0.6 m below the lidar)"),
+        ((0.0, -0.1, -0.995), 1.284, " (1.3 m above the lidar)"),
+        ((0.999, 0.0, 0.03), 2.1, ""),
+        ((0.0, 0.7071, 0.7071), 2.1, ""),
+        ((0.0, 0.0, 1.0), None, ""),
+    ],
+)
+def test_of_a_floor_that_is_left_out_its_height_is_told(
+    monkeypatch: pytest.MonkeyPatch, normal: tuple[float, float, float], found_m: float | None, told: str
+) -> None:
+    """Seen: the tops of some tables, 0.72 and 0.71 m high, "floor is more than one surface", beside a floor that was flat.
+
+    It is that at which somebody was shown it: one that is none had slid up to the lidar in the solve. Mutations: said of walls,
+    or of slopes; above for below; never said; where the solve has it.
+    """
+    planes = [*(MapPlane(name) for name in "abc"), MapPlane("floor", found_m=found_m)]
+    normals = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], normal])
+    state = state_of(normals, np.array([1.0, 2.0, 3.0, 0.3]), *planes)
+    doubt = np.zeros((4, 3))
+    doubt[3, 2] = 2.0
+    monkeypatch.setattr(plane_set, "gathered", lambda *_: None)
+    monkeypatch.setattr(plane_set, "plane_chi2", lambda *_: (np.ones(4), np.full(4, 100.0)))
+    monkeypatch.setattr(plane_set, "plane_doubts", lambda *_: doubt)
+    said: list[str] = []
+    data: Any = SimpleNamespace(run=SimpleNamespace(say=lambda *what: said.append(what[-1])))
+    drop_planes(data, state, PlaneSet())
+    assert said == [f"floor is more than one surface{told}: left out"]
 
 
 def test_what_a_person_dropped_does_not_come_into_view_again(half: Half) -> None:

@@ -15,9 +15,10 @@ from calib_core.events import StageEvent
 from calib_core.factors.lidar_plane import Gate, LidarNoise, SlicePoses, find_hits, select
 from calib_core.full.joint import round as rounds
 from calib_core.full.joint.policies import Sampling
-from calib_core.full.joint.round import across_lasers, associate, coarse_stride, descend, gate_of
+from calib_core.full.joint.round import associate, coarse_stride, descend, gate_of
 from calib_core.full.joint.schedule import FULL
 from calib_core.full.joint.state_views import problem_of
+from calib_core.full.joint.thinning import across_lasers
 from calib_core.full.joint.view import View
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.solver.levenberg import SharedEquations
@@ -77,16 +78,6 @@ def test_the_thinning_reads_no_scan_again(half: Half) -> None:
     counts = [len(scans[i].points) for i in half.state.positions]
     expected = across_lasers(int(np.median(counts) // (24_000 / len(counts))))
     assert coarse_stride(replace(half.data, run=run), half.state, sampling) == expected > 1
-
-
-@pytest.mark.parametrize("lasers", [16, 32, 40, 64, 80, 128])
-def test_thinned_points_are_of_every_laser(lasers: int) -> None:
-    """And as many of them as were asked for, to a half. Mutation: the stride as it comes: four of sixteen lasers."""
-    laser = np.arange(3 * 4000 * lasers) % lasers
-    for asked in range(1, 40):
-        stride = across_lasers(asked)
-        assert set(laser[::stride]) == set(range(lasers))
-        assert abs(stride - asked) <= max(1, asked / 2)
 
 
 def test_hits_near_two_planes_are_told_by_the_noise_within_bounds(half: Half) -> None:

@@ -13,6 +13,8 @@ from calib_core.calibrate import calibrate
 from calib_core.factors.imu import LinkFactors
 from calib_core.full.joint import tones
 from calib_core.full.joint.estimation import Estimation
+from calib_core.full.joint.policies import Tones
+from calib_core.full.joint.round import gathered
 from calib_core.full.joint.schedule import FORECAST, FULL
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.tone_choice import Explaining
@@ -23,6 +25,7 @@ from calib_core.full.joint.tones import (
     candidates,
     is_the_motions,
     score_periodogram,
+    still_pulled,
     with_tone,
 )
 from calib_core.full.prepare.nuisance import SURFACE, TONE, Nuisance
@@ -253,6 +256,22 @@ def test_three_lines_with_overlapping_feet_are_no_lines(half: Half, monkeypatch:
     assert hump.nuisance.tones_hz == ()
     monkeypatch.undo()
     assert tones.found_tones(half.data, hump, replace(RULES, beside=0.0), FULL.sensors, FULL.sampling, least=-1.0) == []
+
+
+def test_what_has_pulled_at_a_rough_motion_is_asked_of_the_one_at_rest(half: Half) -> None:
+    """Seen: a motion that began 10 deg off was left with a warning of rooms that move, long after it had come to where it was.
+
+    Mutations: it stays as it was found; it is forgotten in any case.
+    """
+    bins = gathered(half.data, half.state).bins
+    pulled = replace(half.state, untuned=True)
+
+    def at_rest(state: Estimation, rules: Tones) -> Estimation:
+        return still_pulled(half.data, state, rules, FULL.sensors, FULL.sampling, bins)
+
+    assert not at_rest(pulled, RULES).untuned
+    assert at_rest(pulled, replace(RULES, beside=0.0, explains=-1.0)) is pulled
+    assert at_rest(half.state, RULES) is half.state
 
 
 @dataclass(frozen=True)

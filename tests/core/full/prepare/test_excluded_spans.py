@@ -102,7 +102,8 @@ def test_nothing_left_is_refused(noisy: tuple[Recording, Truth]) -> None:
 
 
 def test_given_planes_keep_their_scan(noisy: tuple[Recording, Truth]) -> None:
-    """Planes given in a scan's frame without that scan are refused. Fails with `_check_reference` left out."""
+    """Planes given in a scan's frame without that scan are refused. Fails with `of_part` giving
+    the question back as it is."""
     recording = noisy[0]
     planes = [patch.plane for patch in propose_planes(recording, CalibrateSettings()).patches]
     with pytest.raises(SettingsError, match=r"the scan at 0\.00 s"):
