@@ -21,7 +21,7 @@ from tests.app.support.live import serving
 
 ROOT = Path(__file__).resolve().parents[2]
 #: More than the free space within the pages that the store has.
-LONG_JOB = {"kind": "solve", "initial_guess": {"matrix": [[0.5] * 4000] * 4}}
+LONG_JOB = {"kind": "solve", "settings": {"excluded_spans_s": [[100.0 + k, 100.5 + k] for k in range(4000)]}}
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ def test_it_is_refused_with_a_reason(
     noisy: tuple[Recording, Truth], monkeypatch: pytest.MonkeyPatch, broken: Callable[[], object]
 ) -> None:
     """Mutations: one of the two kinds let through; no reason told."""
-    monkeypatch.setattr("calib_core.calibrate.calibrate_full", lambda *_: broken())
+    monkeypatch.setattr("calib_core.calibrate.calibrate_full", lambda *_, **__: broken())
     done = calibrate(noisy[0], CalibrateSettings())
     assert done.trajectory is None
     assert done.result.status == "refused"
