@@ -12,14 +12,14 @@ from calib_core.errors import SettingsError
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.planes.settings import PATCHES
 from calib_core.planes.same_plane import same_surface
-from calib_core.presets import require_known
+from calib_core.presets import by_preset_names
 from calib_core.settings import OBEYED_BY_PAPER, CalibrateSettings
 from calib_core.types import InitialGuess, Level, Plane, Recording
 
 
 def check_settings(settings: CalibrateSettings, guess: InitialGuess | None) -> None:
     """Raises SettingsError where settings and start do not fit each other, or name a sensor that nobody knows."""
-    require_known(settings)
+    by_preset_names(settings)  # knows them all, or raises
     _check_turns(settings, guess)
 
 

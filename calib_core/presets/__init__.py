@@ -16,7 +16,6 @@ from calib_core.presets.find import (
     named_imu,
     named_lidar,
     random_walks,
-    require_known,
 )
 from calib_core.presets.imu import GENERIC_IMU, IMU_PRESETS
 from calib_core.presets.lidar import GENERIC_LIDAR, LIDAR_PRESETS
@@ -39,5 +38,4 @@ __all__ = [
     "named_imu",
     "named_lidar",
     "random_walks",
-    "require_known",
 ]

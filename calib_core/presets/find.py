@@ -44,14 +44,6 @@ def named_lidar(text: str) -> LidarPreset:
     return found
 
 
-def require_known(settings: CalibrateSettings) -> None:
-    """Raises SettingsError where a sensor is named that no preset is of: it would count as any sensor, in silence."""
-    if isinstance(settings.imu_noise, str):
-        named_imu(settings.imu_noise)
-    if settings.lidar is not None:
-        named_lidar(settings.lidar)
-
-
 def find_lidar_preset(*texts: str) -> LidarPreset | None:
     """The preset that one of the texts (a preset's name, topic, frame id, layout) names, or None."""
     return _find(LIDAR_PRESETS, texts)
@@ -72,7 +64,7 @@ def find_lidar_prior(*texts: str) -> LidarPrior:
 def by_preset_names(settings: CalibrateSettings) -> CalibrateSettings:
     """The settings with each sensor by its preset's name, however it was written: `vlp16` and `VLP 16` are one request.
 
-    Raises SettingsError for a sensor that no preset is of.
+    Raises SettingsError for a sensor that no preset is of: it would count as any sensor, in silence.
     """
     names: dict[str, str] = {}
     if isinstance(settings.imu_noise, str):

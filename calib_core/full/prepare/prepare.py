@@ -22,7 +22,7 @@ from calib_core.imu.clipped_readings import unclipped
 from calib_core.imu.clipping import clipped, clipped_text
 from calib_core.imu.preintegration import NoiseDensity
 from calib_core.imu.quantisation import coarse_text
-from calib_core.presets import require_known
+from calib_core.presets import by_preset_names
 from calib_core.settings import CalibrateSettings, ImuNoise
 from calib_core.types import IntArray, Recording
 
@@ -61,7 +61,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     Raises Refused where stamps are out of order, SettingsError for a sensor of an unknown name. What is found of the recording
     on the way is said to on_event. The fit of the interpolation goes on in the background.
     """
-    require_known(settings)
+    settings = by_preset_names(settings)
     on_event(StageEvent(stage="planes", fraction=0.0, text="noise of the IMU"))
     require_order(recording.imu.stamps_ns, "IMU readings")
     stamps_ns = np.array([scan.stamp_ns for scan in recording.scans], dtype=np.int64)
