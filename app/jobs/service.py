@@ -30,7 +30,7 @@ from app.jobs.orders import Failed, Finished, Order, OrderedPlane, Parcel, Stopp
 from app.jobs.processes import Processes
 from app.jobs.state_machine import FINAL, IllegalTransition
 from app.jobs.states import JobStates
-from app.jobs.stored_parts import answering, telling
+from app.jobs.stored_parts import SERVER_STOPPED, answering, telling
 from app.jobs.waiting_line import Line
 from app.jobs.wire import DIED, STOPPED, too_long
 from app.logs import about
@@ -293,7 +293,7 @@ class JobService:
         if isinstance(ending, Failed):
             return self._states.enter(job_id, "fail", error_json=ending.error.model_dump_json())
         if self._closing:
-            return self._states.enter(job_id, "lose")
+            return self._states.enter(job_id, "lose", error_json=SERVER_STOPPED.model_dump_json())
         if self._processes.is_overdue(job_id):
             facts = too_long(self._settings.limit_s(self.get(job_id).kind))
             return self._states.enter(job_id, "fail", error_json=facts.model_dump_json())

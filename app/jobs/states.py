@@ -109,7 +109,7 @@ class JobStates:
             record,
             state=state,
             outcome_json=outcome_json if state == "done" else None,
-            error_json=error_json if state == "failed" else None,
+            error_json=error_json if state in {"failed", "interrupted"} else None,
             started_at=now if signal == "start" else record.started_at,
             ended_at=now if state in FINAL else None,
         )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pydantic import TypeAdapter, ValidationError
 
 from app.jobs.orders import StoredRequest
-from app.jobs.state_machine import FINAL
+from app.jobs.state_machine import FINAL, SENTENCES
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import JobKind, Outcome, SolveOutcome
 from app.storage.records import JobRecord
@@ -15,8 +15,9 @@ from app.storage.records import JobRecord
 _OUTCOME: TypeAdapter[Outcome] = TypeAdapter(Outcome)
 #: What begins by itself for a recording, and again after the server ended under it.
 BY_ITSELF: frozenset[JobKind] = frozenset({"simulate", "inspect", "planes"})
-#: So often in a row a job is interrupted before it counts as what ends the server.
+#: So often in a row the server dies under a job before that counts as what ends it.
 MOST_INTERRUPTIONS = 3
+SERVER_STOPPED = ErrorFacts(code="job.server_stopped", text=SENTENCES["interrupted"])
 UNREADABLE = ErrorFacts(
     code="job.unreadable", text="What this job was asked for cannot be read any more; start it anew from its screen."
 )
@@ -77,14 +78,17 @@ def answering(records: Sequence[JobRecord]) -> JobRecord | None:
 
 
 def begins_again(job: JobRecord, records: Sequence[JobRecord]) -> bool:
-    """Whether a server that starts runs an interrupted job again by itself.   records: of its recording."""
-    if job.kind not in BY_ITSELF:
+    """Whether a server that starts runs an interrupted job again by itself: not one under which it has died again and again.
+
+    records: of its recording. A server that was told to stop says so in the job's row, one that died says nothing.
+    """
+    if job.kind not in BY_ITSELF or job.state != "interrupted":
         return False
     by_id = {record.id: record for record in records}
-    interruptions, one = 0, job
+    deaths, one = 0, job
     while one.state == "interrupted":
-        interruptions += 1
+        deaths += error_of(one) != SERVER_STOPPED
         if one.retry_of not in by_id:
             break
         one = by_id[one.retry_of]
-    return 0 < interruptions < MOST_INTERRUPTIONS
+    return deaths < MOST_INTERRUPTIONS

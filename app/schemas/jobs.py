@@ -135,7 +135,7 @@ class Job(WireModel):
     )
     fraction: float = Field(default=0.0, description="how much of this stage is done, 0..1")
     text: str = Field(default="", description="details of the stage, for a person")
-    error: ErrorFacts | None = Field(default=None, description="why it failed; null unless `state` is failed")
+    error: ErrorFacts | None = Field(default=None, description="why it failed, or that the server was stopped under it")
     settings: CalibrateSettings = Field(description="how it solves; of another kind of job the defaults")
     planes: list[PlaneLook] = Field(
         default_factory=list, description="planes that were confirmed when a solve was asked for"

@@ -116,7 +116,7 @@ class Workflow:
         if not api.asks_for_frames(wish.extrinsic):
             parse_extrinsic(wish.extrinsic, wish.direction)
         self._jobs.check_room()
-        return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish))
+        return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish, read_settings=reading_of(record)))
 
     def see_to_surface(self, record: RecordingRecord, view: View) -> None:
         """Have the surface laid that a view asks for, once for each solve: one that failed is asked for by retrying."""
@@ -127,7 +127,9 @@ class Workflow:
             return
         if self._sources.surface_job(record, solved.job_id) is None:
             self._jobs.check_room()
-            self._jobs.submit(record.id, "surface", StoredRequest(surface_of=solved.job_id))
+            of_solve = request_of(self._jobs.get(solved.job_id)).read_settings
+            request = StoredRequest(surface_of=solved.job_id, read_settings=of_solve)
+            self._jobs.submit(record.id, "surface", request)
 
     def retry(self, job: JobRecord) -> Job:
         """A new job with what the ended one was asked for; Conflict while that is under way, or would be another solve."""
@@ -229,12 +231,12 @@ class Workflow:
 
 
 def _require_same_reading(request: StoredRequest, record: RecordingRecord) -> None:
-    """Raises Conflict where a solve was asked for of the recording as it was read earlier: its planes are in the frame of a scan
-    that may be none any more, and its spans count from another one.
+    """Raises Conflict where a job was asked for of the recording as it was read earlier: a solve's planes are in the frame of a
+    scan that may be none any more, its spans count from another one; an audit's extrinsic may be of another lidar.
     """
     if request.read_settings is not None and request.read_settings != reading_of(record):
         raise Conflict(
             "job.read_otherwise",
-            "The recording is read in another way since this solve was asked for, so that its planes and spans no longer fit; "
-            "start a new solve.",
+            "The recording is read in another way since this job was asked for, so that its planes and spans, or the sensors that it "
+            "is of, no longer fit; start a new one.",
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections import Counter
 from contextlib import contextmanager
 from dataclasses import replace
@@ -179,6 +180,30 @@ def test_what_begins_by_itself_begins_again_after_a_restart(tmp_path, killed):
         assert kinds_of(live, halfway)["inspect"] == 2
 
 
+def server_died(folder):
+    """A server that dies leaves its jobs' rows as they were."""
+    with sqlite3.connect(folder / "unsweep.sqlite") as store:
+        changed = store.execute(
+            "UPDATE jobs SET state = 'running', error_json = NULL, ended_at = NULL "
+            "WHERE state = 'interrupted' AND error_json IS NOT NULL RETURNING 1"
+        ).fetchall()
+    assert changed
+
+
+def test_a_server_that_is_told_to_stop_blames_no_inspection(tmp_path):
+    """Seen: three ordinary restarts within one inspection, and the recording counted as what ends the server. Oracle: the jobs
+    that there are. Mutations: every interruption counts; a stop that says nothing.
+    """
+    with serving(tmp_path) as live:
+        recording_id = live.upload("halfway.bag")
+        under_way(live, recording_id, "inspect")
+    for times in range(2, MOST_INTERRUPTIONS + 3):
+        with serving(tmp_path) as live:
+            under_way(live, recording_id, "inspect")
+            assert kinds_of(live, recording_id)["inspect"] == times
+            assert recording(live, recording_id)["error"] is None
+
+
 def test_an_inspection_that_ends_the_server_is_not_begun_for_ever(tmp_path):
     """Oracle: the jobs that there are. Mutations: no bound; a bound without a reason at the recording; one that holds for what
     somebody asks for afterwards.
@@ -186,10 +211,13 @@ def test_an_inspection_that_ends_the_server_is_not_begun_for_ever(tmp_path):
     with serving(tmp_path) as live:
         recording_id = live.upload("halfway.bag")
         under_way(live, recording_id, "inspect")
+        folder = live.settings.data_dir
+    server_died(folder)
     for times in range(2, MOST_INTERRUPTIONS + 1):
         with serving(tmp_path) as live:
             under_way(live, recording_id, "inspect")
             assert kinds_of(live, recording_id)["inspect"] == times
+        server_died(folder)
     with serving(tmp_path) as live:
         shown = recording(live, recording_id)
         assert (shown["state"], shown["error"]["code"]) == ("failed", "job.interrupted")
@@ -197,6 +225,7 @@ def test_an_inspection_that_ends_the_server_is_not_begun_for_ever(tmp_path):
         assert kinds_of(live, recording_id)["inspect"] == MOST_INTERRUPTIONS
         live.start(recording_id, "inspect")
         under_way(live, recording_id, "inspect")
+    server_died(folder)
     with serving(tmp_path) as live:
         under_way(live, recording_id, "inspect")
         assert kinds_of(live, recording_id)["inspect"] == MOST_INTERRUPTIONS + 2

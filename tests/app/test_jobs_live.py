@@ -149,10 +149,33 @@ def test_a_solve_is_not_run_again_on_another_reading(live):
     )
     refused = live.http.post(again)
     assert (refused.status_code, refused.json()["error"]["code"]) == (409, "job.read_otherwise")
-    assert "start a new solve" in refused.json()["error"]["text"]
+    assert "start a new one" in refused.json()["error"]["text"]
     assert live.http.post(f"/api/jobs/{inspection}/retry").status_code == 201
     live.http.patch(path, json={"start_s": None})
     assert live.http.post(again).status_code == 201
+
+
+def test_an_audit_and_a_surface_are_not_run_again_on_another_reading(live):
+    """An audit's extrinsic may be of another lidar, a surface is of its solve's scans. Mutations: the reading kept of neither;
+    that of now kept for a surface."""
+    recording_id = live.ready()
+    path = f"/api/recordings/{recording_id}"
+    solve = live.finish(live.start(recording_id))["id"]
+    audit = live.http.post(f"{path}/audits", json={"extrinsic": "1 0 0 0  0 1 0 0  0 0 1 0  0 0 0 1"}).json()
+    live.finish(audit["id"])
+    live.http.post(f"{path}/view", json={"mode": "inspect", "extent": "surface", "job_id": solve})
+    live.wait(lambda: [job for job in live.http.get(f"{path}/jobs").json() if job["kind"] == "surface"])
+    (surface,) = [job for job in live.http.get(f"{path}/jobs").json() if job["kind"] == "surface"]
+    live.finish(surface["id"])
+    live.http.patch(path, json={"start_s": 4.0})
+    live.wait(
+        lambda: (
+            live.http.get(path).json()["state"] == "ready" and "queued" not in live.job_states(recording_id).values()
+        )
+    )
+    for job in (audit, surface):
+        refused = live.http.post(f"/api/jobs/{job['id']}/retry")
+        assert (refused.status_code, refused.json()["error"]["code"]) == (409, "job.read_otherwise"), job["kind"]
 
 
 def test_a_solve_of_an_earlier_version_is_not_run_again_on_another_reading(live):

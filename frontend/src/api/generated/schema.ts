@@ -2307,7 +2307,7 @@ export interface components {
              * @description when it reached its final state; null: not yet
              */
             ended_at?: string | null;
-            /** @description why it failed; null unless `state` is failed */
+            /** @description why it failed, or that the server was stopped under it */
             error?: components["schemas"]["ErrorFacts"] | null;
             /**
              * Fraction
