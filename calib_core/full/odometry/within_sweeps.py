@@ -114,10 +114,12 @@ def _share(within_rad_s: FloatArray, expected_rad_s: FloatArray) -> WithinSweeps
 def require_measured_sweeps(run: Run, motions: Sequence[ScanMotion]) -> None:
     """Raises Refused where the points' times are not those at which they were measured; says where they seem off.
 
-    Of a track that the lidar alone was followed by.
+    Of a track that the lidar alone was followed by. Where it went astray, rates within sweeps are as wrong as what they are held
+    against: nothing is refused that one factor does not explain.
     """
     expected = "the lidar's rotation from one to the next"
-    _require(run, turning_within(run, motions), WITHIN.straightened, expected, WITHIN.least_off)
+    found = turning_within(run, motions)
+    _require(run, found, WITHIN.straightened, expected, WITHIN.least_off, bent=WITHIN.misfit_share)
 
 
 def require_measured_scans(run: Run, followed: Followed) -> None:
@@ -130,18 +132,22 @@ def require_measured_scans(run: Run, followed: Followed) -> None:
     _require(run, turning_freed(run, followed), least, "the rotation that the gyroscope measured", 1.0 - least)
 
 
-def _require(run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float) -> None:
-    """least: share that raw clouds show.   expected: of what it is.   least_off: how far from one times are called off."""
+def _require(
+    run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float, *, bent: float = 0.0
+) -> None:
+    """least: share that raw clouds show.   expected: of what it is.   least_off: how far from one times are called off.
+    bent: how many times the misfit the share may be off by what bends the track."""
     if found is None:
         return
-    share, wide = found.share, WITHIN.sigmas * found.std
+    share, wide = found.share, max(WITHIN.sigmas * found.std, bent * found.misfit)
     shown = f"within {found.spans} sweeps the surroundings turn by {share:.2f} times {expected}"
     if share + wide < -WITHIN.backwards:
         raise Refused(
             "points.times_backwards",
             f"the times of the points run backwards: {shown}; expected 1; correct the points' times in the lidar's driver",
         )
-    if share + wide < least:
+    # What stands still within its sweeps turns less than expected, whichever way; what turns as much or more was not followed.
+    if share + wide < least and np.hypot(share, found.misfit) < 1.0:
         raise Refused(
             "points.straightened",
             f"the motion was taken out of the clouds before they were recorded, or the points' times are not those of their "
