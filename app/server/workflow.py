@@ -237,6 +237,6 @@ def _require_same_reading(request: StoredRequest, record: RecordingRecord) -> No
     if request.read_settings is not None and request.read_settings != reading_of(record):
         raise Conflict(
             "job.read_otherwise",
-            "The recording is read in another way since this job was asked for, so that its planes and spans, or the sensors that it "
-            "is of, no longer fit; start a new one.",
+            "The recording is read in another way since this job was asked for, so that its planes and spans, or its sensors, no "
+            "longer fit; start a new one.",
         )
