@@ -22,10 +22,9 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: A pause of more than this many periods ends a row: how many readings were lost in it is not sure.
 _GAP_PERIODS = 3.5
-#: A row has at least so many readings.
+#: A row has at least so many readings, half of which are stamped in time: a row of the fewest must not keep a late stamp because
+#: it has none to spare.
 LEAST = 100
-#: Of which so many are stamped in time: a row of the fewest must not keep a late stamp because it has none to spare.
-_LEAST_ON_TIME = LEAST // 2
 #: Of a critically damped loop that follows the samples.
 _PHASE_GAIN, _PERIOD_GAIN = 0.05, 0.05**2 / 4.0
 #: Stamps further from their line than so many robust standard deviations, or half a period, are late: it ignores them.
@@ -81,29 +80,30 @@ class Row:
         return float(goal @ scipy.linalg.solveh_banded(normal, goal))
 
 
-def even_rows(t: FloatArray, *, by_order: bool) -> list[Row]:
+def even_rows(t: FloatArray, *, by_order: bool, least: int = LEAST) -> list[Row]:
     """The rows behind stamps t (Q,) [s], strictly increasing; readings that follow none are in no row.
 
     by_order: whether readings without a nearest sample are counted by their order, for those that can be asked after it.
+    least: readings of a row.
     """
     period = float(np.median(np.diff(t)))
     rows: list[Row] = []
-    for stretch in _stretches(t, _GAP_PERIODS * period):
-        numbered = _numbered(t[stretch], period)
+    for stretch in _stretches(t, _GAP_PERIODS * period, least):
+        numbered = _numbered(t[stretch], period, least)
         if numbered is not None:
-            rows.append(_fitted(np.arange(stretch.start, stretch.stop), *numbered, t, reach=_NEAREST))
+            rows.append(_fitted(np.arange(stretch.start, stretch.stop), *numbered, t, reach=_NEAREST, least=least))
     if by_order and not rows:
-        rows = _in_their_order(t, period)
+        rows = _in_their_order(t, period, least)
     if len(rows) > 1:
         # The sensor's clock goes on through a gap, unless it was started anew.
-        whole = _joined(rows, t)
+        whole = _joined(rows, t, least)
         apart = np.concatenate([(t[row.index] - row.even_s)[row.used] for row in rows])
         together = (t[whole.index] - whole.even_s)[np.concatenate([row.used for row in rows])]
         if fits_as_well(together, apart, freedoms=2 * (len(rows) - 1)):
             rows = [whole]
     if len(rows) == 1:
-        rows = [_completed(rows[0], t)]
-    return _in_order([part for row in rows for part in _steady(row, t)], t)
+        rows = [_completed(rows[0], t, least)]
+    return _in_order([part for row in rows for part in _steady(row, t, least)], t)
 
 
 def lasting(rows: Sequence[Row], t: FloatArray) -> float:
@@ -119,29 +119,29 @@ def lasting(rows: Sequence[Row], t: FloatArray) -> float:
     return math.sqrt(worst)
 
 
-def _stretches(t: FloatArray, gap: float) -> Iterator[slice]:
+def _stretches(t: FloatArray, gap: float, least: int) -> Iterator[slice]:
     """Between gaps of more than so many seconds, where they are long enough."""
     ends = np.concatenate([np.flatnonzero(np.diff(t) > gap) + 1, [len(t)]])
     start = 0
     for end in ends.tolist():
-        if end - start >= LEAST:
+        if end - start >= least:
             yield slice(start, end)
         start = end
 
 
-def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None:
+def _numbered(t: FloatArray, period: float, least: int) -> tuple[IntArray, BoolArray] | None:
     """Which sample of an even row each reading is, and whether it is stamped near it, (N,) each; None where they are in none.
 
     The median step is far from the period where stamps are coarse, the mean step where readings were lost: the one whose
     row fits better is right.
     """
-    best, least = None, _SPREAD
+    best, smallest = None, _SPREAD
     mean = float(t[-1] - t[0]) / (len(t) - 1)
     for guess in (period, mean) if abs(mean - period) > _SAME_PERIOD * period else (period,):
         number = _tracked(t, guess)
         used = np.ones(len(t), dtype=np.bool_)
         for _ in range(3):
-            if np.count_nonzero(used) < _LEAST_ON_TIME:
+            if np.count_nonzero(used) < least // 2:
                 break
             # Where the loop slipped by a sample, the line of all the others puts it right. A reading stamped so late that
             # it takes its successor's number was the sample before; and those that a host that had stood still stamps in a
@@ -154,26 +154,26 @@ def _numbered(t: FloatArray, period: float) -> tuple[IntArray, BoolArray] | None
             before, number = number, _each_its_own(number + slipped)
             used = np.abs(t - line - step * (number - before)) <= _NEAREST * step
         number = _each_its_own(number)
-        if np.count_nonzero(used) < _LEAST_ON_TIME:
+        if np.count_nonzero(used) < least // 2:
             continue
-        row = _fitted(np.arange(len(t)), number, used, t, reach=_NEAREST)
+        row = _fitted(np.arange(len(t)), number, used, t, reach=_NEAREST, least=least)
         off = (t - row.even_s) / row.period_s
         near = np.abs(off) < _NEAREST
         spread = float(np.sqrt(np.mean(off[near] ** 2))) if near.any() else np.inf
-        if np.mean(~near) < LATE_SHARE and spread < least:
-            best, least = (number, used), spread
+        if np.mean(~near) < LATE_SHARE and spread < smallest:
+            best, smallest = (number, used), spread
     return best
 
 
-def _in_their_order(t: FloatArray, period: float) -> list[Row]:
+def _in_their_order(t: FloatArray, period: float, least: int) -> list[Row]:
     """Rows of stamps that jitter by more than half a period, where none was lost: a step in them shows against their spread."""
     steps = np.diff(t)
     # Far steps are jitter here, not losses, as long as they are of its size.
     usual = 1.4826 * float(np.median(np.abs(steps - period)))
     rows = []
-    for stretch in _stretches(t, _GAP_PERIODS * period + _LATE_SIGMAS * usual):
+    for stretch in _stretches(t, _GAP_PERIODS * period + _LATE_SIGMAS * usual, least):
         index = np.arange(stretch.start, stretch.stop)
-        row = _fitted(index, index - stretch.start, np.ones(len(index), dtype=np.bool_), t, reach=math.inf)
+        row = _fitted(index, index - stretch.start, np.ones(len(index), dtype=np.bool_), t, reach=math.inf, least=least)
         off = (t[row.index] - row.even_s)[row.used] / row.period_s
         if _SHOWS_A_LOSS * float(np.mean(off**2)) < len(index) and np.mean(~row.used) < LATE_SHARE:
             rows.append(row)
@@ -212,7 +212,7 @@ def _track(t: FloatArray, period: float, number: IntArray) -> None:
                 number[len(t) - 1 - k] = count
 
 
-def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray, *, reach: float) -> Row:
+def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray, *, reach: float, least: int) -> Row:
     """The row with its line, late stamps left out. used: (N,) those to begin with.   t: (Q,) of the whole recording."""
     here = t[index]
     even, cells = line_of(number, here, used)
@@ -222,24 +222,24 @@ def _fitted(index: IntArray, number: IntArray, used: BoolArray, t: FloatArray, *
         period = (even[-1] - even[0]) / max(int(number[-1] - number[0]), 1)
         robust = 1.4826 * float(np.median(np.abs(off[used] - centre)))
         near = np.abs(off - centre) <= min(reach * period, max(_LATE_SIGMAS * robust, 1e-3 * period))
-        if np.count_nonzero(near) < _LEAST_ON_TIME:
+        if np.count_nonzero(near) < least // 2:
             break
         used = near
         even, cells = line_of(number, here, used)
     return Row(index, number, even, used, cells, reach)
 
 
-def _joined(rows: Sequence[Row], t: FloatArray) -> Row:
+def _joined(rows: Sequence[Row], t: FloatArray, least: int) -> Row:
     """One row through all: each goes on counting where the line of the one before it would be."""
     numbers = [rows[0].number]
     for before, after in pairwise(rows):
         passed = round((after.even_s[0] - before.even_s[-1]) / before.period_s)
         numbers.append(after.number - after.number[0] + numbers[-1][-1] + max(passed, 1))
     index, used = np.concatenate([row.index for row in rows]), np.concatenate([row.used for row in rows])
-    return _fitted(index, np.concatenate(numbers), used, t, reach=max(row.reach for row in rows))
+    return _fitted(index, np.concatenate(numbers), used, t, reach=max(row.reach for row in rows), least=least)
 
 
-def _completed(row: Row, t: FloatArray) -> Row:
+def _completed(row: Row, t: FloatArray, least: int) -> Row:
     """With the readings that were too few between gaps to be counted by themselves: the only line is theirs too.
 
     A host that stalls often leaves many; taken as stamped, they would be late. After a stall a burst shares one instant:
@@ -258,21 +258,22 @@ def _completed(row: Row, t: FloatArray) -> Row:
         return row
     line = (number[new] - off) * row.period_s
     used[new] = np.abs(t[new] - line) <= row.reach * row.period_s
-    return _fitted(np.arange(len(t)), number, used, t, reach=row.reach)
+    return _fitted(np.arange(len(t)), number, used, t, reach=row.reach, least=least)
 
 
-def _steady(row: Row, t: FloatArray) -> Iterator[Row]:
+def _steady(row: Row, t: FloatArray, least: int) -> Iterator[Row]:
     """The parts of a row whose stamps jitter about their line and do not wander about it."""
     if not _wanders(row, t):
         yield row
         return
     half = len(row.index) // 2
-    if half < LEAST or half * row.period_s < _SHORTEST_S:
+    if half < least or half * row.period_s < _SHORTEST_S:
         return
     near = np.abs(t[row.index] - row.even_s) <= row.reach * row.period_s
     for part in (slice(0, half), slice(half, None)):
-        if np.count_nonzero(near[part]) >= LEAST:
-            yield from _steady(_fitted(row.index[part], row.number[part], near[part], t, reach=row.reach), t)
+        if np.count_nonzero(near[part]) >= least:
+            one = _fitted(row.index[part], row.number[part], near[part], t, reach=row.reach, least=least)
+            yield from _steady(one, t, least)
 
 
 def _wanders(row: Row, t: FloatArray) -> bool:

@@ -46,9 +46,11 @@ class WithinSweeps:
         """Whether wrong times make the share other than one: by so much at least, beyond chance, and beyond what bends a track.
 
         Wrong times make all rates too large or too small by one factor. Planes that are bent, or hardly hold the lidar, bend the
-        rates in every way, and alike from span to span: the share takes its part of that, and its scatter knows nothing.
+        rates in every way, and alike from span to span: the share takes its part of that, and its scatter knows nothing. Rates of
+        which no factor explains the larger part are none that wrong times make.
         """
-        return abs(self.share - 1.0) > max(least, WITHIN.sigmas * self.std, WITHIN.misfit_share * self.misfit)
+        off = abs(self.share - 1.0) > max(least, WITHIN.sigmas * self.std, WITHIN.misfit_share * self.misfit)
+        return off and self.share > self.misfit
 
 
 def turning_within(run: Run, motions: Sequence[ScanMotion]) -> WithinSweeps | None:

@@ -145,6 +145,9 @@ class Sweeps:
     #: derived: a packet of sixteen lasers holds 1.3 ms, 9.6 deg at 20 turns a second, and one more or less of them makes two
     #: sweeps in turn look elsewhere by as much. Two that look elsewhere by three times that are no two whole turns.
     alike_rad: float = 0.5
+    #: derived: eight blocks of five stamps, of which fewer do not show that a clock wanders (`imu/sample_rows.py`): eight seconds
+    #: of a lidar that turns five times a second.
+    fewest: int = 40
     #: judged: with fewer of the scans on a line there is none. Stamps stay as they are then.
     least_share: float = 0.8
     #: measured on two real ones (VLP-16, HDL-32E, sweep_stamps.py): 8 microseconds from turn to turn. A rotor is off its

@@ -26,7 +26,7 @@ from calib_core.full.prepare.clocks import FirstLook
 from calib_core.full.prepare.rotor_wander import wander_of
 from calib_core.full.prepare.settings import SWEEPS
 from calib_core.full.run import LineStd
-from calib_core.imu.sample_rows import LEAST, Row, even_rows, lasting
+from calib_core.imu.sample_rows import Row, even_rows, lasting
 from calib_core.imu.sampling import mean_lateness, usual_mean
 from calib_core.settings import CalibrateSettings
 from calib_core.types import BoolArray, FloatArray, IntArray, KeptScans, Recording, Scan
@@ -100,15 +100,15 @@ def late_ns(stamped: FirstLook, taken: FirstLook) -> dict[int, int]:
 
 def study_sweeps(seen: FirstLook) -> SweepTimes | None:
     """Where stamps are off the rotor's line by more than a rotor can be; None where they are not, or there is no line."""
-    if len(seen.stamps_ns) < LEAST:
+    if len(seen.stamps_ns) < SWEEPS.fewest:
         return None
     known, passing_s = _passing(seen)
-    if np.count_nonzero(known) < max(LEAST, SWEEPS.least_share * len(known)):
+    if np.count_nonzero(known) < max(SWEEPS.fewest, SWEEPS.least_share * len(known)):
         return None
     t = passing_s[known]
     if not np.all(np.diff(t) > 0.0):
         return None
-    rows = [_as_the_rotor_wanders(row, t) for row in even_rows(t, by_order=False)]
+    rows = [_as_the_rotor_wanders(row, t) for row in even_rows(t, by_order=False, least=SWEEPS.fewest)]
     even, in_row = t.copy(), np.zeros(len(t), dtype=np.bool_)
     for row in rows:
         even[row.index], in_row[row.index] = row.even_s, True

@@ -137,6 +137,26 @@ def test_the_slope_of_a_line_through_a_hosts_stamps_is_known_as_well_as_is_said(
     assert 0.7 < float(np.sqrt(np.mean(np.square(of_sigma)))) < 1.4  # of 30: 0.74 to 1.26 within three sigmas
 
 
+def test_a_few_seconds_of_a_hosts_stamps_are_put_on_a_line_too() -> None:
+    """Seen: 67 scans of a lidar that turns five times a second, and what the host added to their stamps was neither found nor
+    stated: 7.5 mm off at 2.9 stated. Oracle: how far the means of draws are from what the latency's law has, in what is stated.
+
+    Mutations: a hundred scans needed; half of the row's least for all of it.
+    """
+    count = 45
+    of_sigma, left_s = [], []
+    for seed in range(20):
+        begin_s, late = _even()[:count], _host(count, seed)
+        given = _recording(begin_s, late)
+        _, seen, line = begun_evenly(given, look(given), CalibrateSettings(), lambda _: None)
+        off_s = (seen.stamps_ns - EPOCH_NS) * 1e-9 - begin_s
+        left_s.append(np.std(off_s))
+        of_sigma.append((np.mean(off_s) - 5e-4) / line.mean_std_s)
+    # A line's error is 0.5 ms sqrt(2 / 45) rms, 0.1 ms, about its mean 0.07 ms; without it there are 0.5 ms and the stalls' 3 ms.
+    assert np.median(left_s) < 1.5e-4
+    assert 0.4 < float(np.sqrt(np.mean(np.square(of_sigma)))) < 1.5  # of 20: 0.53 to 1.47 within three sigmas
+
+
 @pytest.mark.parametrize(
     "case",
     [
@@ -171,7 +191,7 @@ def test_stamps_that_follow_the_rotor_are_left_alone(case: str) -> None:
         case "a rosette":
             given = _recording(_even(), _host(), rosette=True)
         case "too few":
-            given = _recording(_even()[:60], _host()[:60])
+            given = _recording(_even()[:30], _host()[:30])
         case "asked for":
             given, settings = _recording(_even(), _host()), CalibrateSettings(lidar_sampling="as-stamped")
         case _:
