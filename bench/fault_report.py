@@ -11,7 +11,7 @@ import numpy as np
 from scipy.stats import chi2, norm
 
 from bench import fault_parameters
-from bench.fault_bounds import FAULT_BOUNDS, UNTOLD, FaultBoundRow
+from bench.fault_bounds import FAULT_BOUNDS, UNTOLD, FaultBoundRow, beside
 from bench.fault_runs import Campaign, FaultParameter, FaultRun, read_fault_parameters, read_fault_runs
 from bench.statistics import BIAS_SIGMAS, FREEDOM, bias_text, mean_errors
 from bench.store import RESULTS
@@ -166,8 +166,8 @@ def write_report(folder: Path = RESULTS) -> Path:
         "## Campaigns",
         "",
         "Each cell: rms error (what the stated sigmas let one expect; the bound for a recording of that length and somebody who",
-        "is told of no sensor, to whom the faults of cheap ones are unknowns; of the faults that there are, where sensors are",
-        "named). Bias: the",
+        "is told of no sensor, to whom the faults of cheap ones are unknowns, with what the fault takes away of readings, points",
+        "and stamps; of the faults that there are, where sensors are named). Bias: the",
         f"largest of the seven mean errors in its own sigmas; beyond {BIAS_SIGMAS:.1f} it is one. Parameters: rms error over",
         "stated sigma by block (part of the prior's sigma that is left). Holds: every run has an answer, mean NEES is within its",
         f"interval, no error is beyond {SIGMAS:g} sigmas, rms errors are at most {OVER_BOUND:g} of their bounds.",
@@ -188,7 +188,8 @@ def write_report(folder: Path = RESULTS) -> Path:
         mine = [each for run in some for each in parameters.get((run.campaign, run.seed), ())]
         found.append((campaign, mine))
         where = campaign.scenario, campaign.duration_s
-        bound = bounds.get((*where, campaign.faults if campaign.settings else f"consumer{UNTOLD}"))
+        untold = bounds.get((*where, beside(campaign.faults)), bounds.get((*where, f"consumer{UNTOLD}")))
+        bound = bounds.get((*where, campaign.faults)) if campaign.settings else untold
         lines.append(_row(summary(some), bound, parameters_text(mine)))
     lines += fault_parameters.section(found)
     path = folder / "faults.md"

@@ -11,11 +11,13 @@ from bench.bound.blocks import AROUND_S, Blocks, add_to_steps, derivatives, imu_
 from bench.bound.eliminate import covariance_of_last, solution_of_last, stepped, triangle_of
 from bench.bound.lidar import Faces, Returns, all_returns, faces_of, rows_of
 from bench.bound.model import CALIBRATION, Assumptions, Columns, FloatArray
-from bench.bound.motion import ImuNoise, drawn_noise, noise_back, steps_back
+from bench.bound.motion import ImuNoise, drawn_noise, forget_lateness, noise_back, steps_back
 from calib_core.simulate import Scenario, Simulation, Truth, prepare
 
 #: A plane that fewer returns came from is not used: its own three unknowns would eat what it says.
 LEAST_RETURNS = 1000
+#: A uniform law's variances in the square of its width.
+_IN_A_SQUARE = 12.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,15 +113,19 @@ def _eliminated(simulation: Simulation, assumed: Assumptions, *, parameters: int
 def unknowns(
     simulation: Simulation, assumed: Assumptions, planes: int, parameters: int = 0
 ) -> tuple[Columns, ImuNoise]:
-    """The columns and the IMU's noise under the assumptions."""
-    imu = simulation.scenario.imu
+    """The columns and the IMU's noise under the assumptions, with the faults of the recording that only take away what is known:
+    readings sent twice are half as many, steps add to their noise, scans are late by what nobody knows."""
+    imu, faults = simulation.scenario.imu, simulation.faults
+    fewer = np.sqrt(faults.imu_repeats) * assumed.imu_noise_factor
+    step_density = faults.gyro_step_rad_s / np.sqrt(_IN_A_SQUARE * imu.rate_hz)
     noise = ImuNoise(
-        imu.gyroscope_noise_density_rad_s_sqrt_hz * assumed.imu_noise_factor,
-        imu.accelerometer_noise_density_m_s2_sqrt_hz * assumed.imu_noise_factor,
+        float(np.hypot(imu.gyroscope_noise_density_rad_s_sqrt_hz, step_density)) * fewer,
+        imu.accelerometer_noise_density_m_s2_sqrt_hz * fewer,
         imu.gyroscope_random_walk if assumed.gyro_walk is None else assumed.gyro_walk,
         imu.accelerometer_random_walk if assumed.accel_walk is None else assumed.accel_walk,
     )
-    return Columns(noise.gyro_walk > 0 or noise.accel_walk > 0, planes, parameters), noise
+    walk = noise.gyro_walk > 0 or noise.accel_walk > 0
+    return Columns(walk, planes, parameters, scans_late=faults.scan_latency_s > 0.0), noise
 
 
 def opening(columns: Columns, assumed: Assumptions, gravity_m_s2: float) -> FloatArray:
@@ -158,6 +164,9 @@ def instants(
     back = steps_back(middles.R_world, force, h, columns)
     disturbance = noise_back(force, h, noise, columns)
     drawn = drawn_noise(simulation, truth, middles_s, middles.R_world, h, noise, columns)
+    if columns.scans_late:
+        scan = np.floor((first_s + h * np.arange(-1, n)) / simulation.scenario.lidar.pattern.period_s)
+        forget_lateness(back, disturbance, np.flatnonzero(np.diff(scan)), simulation.faults.scan_latency_s, columns)
     blocks = Blocks(len(simulation.scenario.lidar.pattern.ring))
     if columns.parameters:
         around = [truth.imu(middles_s + step) for step in AROUND_S]
@@ -180,6 +189,8 @@ def instants(
             mine = np.rint((seen.t_s - first_s) / h).astype(np.intp)
             after_s = seen.t_s - first_s - h * mine
             new = rows_of(seen, truth.R_imu_lidar, faces, numbers, after_s, range_std_m, columns)
+            if columns.scans_late:
+                new[:, columns.lateness] = new[:, columns.calibration.stop - 1]
             if columns.parameters:
                 normals = np.einsum("nji,nj->ni", seen.R_imu @ truth.R_imu_lidar, faces.normals[seen.plane])
                 offset = new[:, columns.calibration.stop - 1] * range_std_m

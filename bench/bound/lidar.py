@@ -73,7 +73,10 @@ def returns_of(simulation: Simulation, truth: Truth, faces: Faces, index: int) -
     """What came back from planes in one sweep."""
     sweep = simulation.sweep(index)
     firings = simulation.scenario.lidar.pattern.firings(index)
-    column, channel = np.nonzero(sweep.valid & (sweep.surface >= 0) & (sweep.surface < len(faces.normals)))
+    sent = sweep.valid & (sweep.surface >= 0) & (sweep.surface < len(faces.normals))
+    if simulation.faults.voxel_grid_m:
+        sent &= _first_of_cells(sweep.xyz_m, sweep.valid, simulation.faults.voxel_grid_m)
+    column, channel = np.nonzero(sent)
     plane = sweep.surface[column, channel].astype(np.intp)
     column_s = np.asarray(firings.column_ns * 1e-9, dtype=np.float64)
     lidar, imu = truth.lidar(column_s), truth.imu(column_s)
@@ -108,6 +111,15 @@ def returns_of(simulation: Simulation, truth: Truth, faces: Faces, index: int) -
         beside_m=distance.min(axis=1),
         range_error_m=np.einsum("ni,ni->n", sweep.xyz_m[column, channel] - x, ray),
     )
+
+
+def _first_of_cells(xyz_m: FloatArray, valid: NDArray[np.bool_], cell_m: float) -> NDArray[np.bool_]:
+    """Of valid points, (T, C, 3), whether one is the first in its cube of space."""
+    sent = np.flatnonzero(valid.ravel())
+    _, first = np.unique(np.floor(xyz_m.reshape(-1, 3)[sent] / cell_m), axis=0, return_index=True)
+    kept = np.zeros(valid.size, dtype=bool)
+    kept[sent[first]] = True
+    return kept.reshape(valid.shape)
 
 
 def rows_of(

@@ -44,14 +44,16 @@ class Assumptions:
 class Columns:
     """Columns by name: the moving unknowns first, the lasting ones after them, the calibration last.
 
-    biases_walk: the biases move.   planes: how many.   Order: turn 3, velocity 3, position 3, [gyro bias 3, accelerometer
-    bias 3 where they walk] | planes 3 each, gravity 3, [biases 6 where they last], parameters of real sensors, rotation 3,
-    lever arm 3, time offset.   parameters: how many of those of blocks.py.
+    biases_walk: the biases move.   planes: how many.   parameters: how many of those of blocks.py.   scans_late: each scan is
+    stamped late by as much as it happens.   Order: turn 3, velocity 3, position 3, [gyro bias 3, accelerometer bias 3 where
+    they walk], [lateness of the scan] | planes 3 each, gravity 3, [biases 6 where they last], parameters of real sensors,
+    rotation 3, lever arm 3, time offset.
     """
 
     biases_walk: bool
     planes: int
     parameters: int = 0
+    scans_late: bool = False
 
     turn = slice(0, 3)
     velocity = slice(3, 6)
@@ -60,12 +62,12 @@ class Columns:
     @property
     def moving(self) -> int:
         """How many unknowns move."""
-        return 15 if self.biases_walk else 9
+        return (15 if self.biases_walk else 9) + self.scans_late
 
     @property
     def noises(self) -> int:
-        """Independent noises a step: turn 3, velocity 3, and the biases' 6 where they walk."""
-        return 12 if self.biases_walk else 6
+        """Independent noises a step: turn 3, velocity 3, the biases' 6 where they walk, and the lateness of the scan before."""
+        return (12 if self.biases_walk else 6) + self.scans_late
 
     def plane(self, number: int) -> slice:
         """Two turns of the normal and the offset."""
@@ -76,6 +78,11 @@ class Columns:
         """World axes."""
         start = self.moving + 3 * self.planes
         return slice(start, start + 3)
+
+    @property
+    def lateness(self) -> int:
+        """Of the scan that is being taken, seconds; only where scans are late."""
+        return self.moving - 1
 
     @property
     def gyro_bias(self) -> slice:
@@ -101,7 +108,7 @@ class Columns:
     @property
     def size(self) -> int:
         """All of them."""
-        return 9 + 3 * self.planes + 3 + 6 + self.parameters + CALIBRATION
+        return 9 + self.scans_late + 3 * self.planes + 3 + 6 + self.parameters + CALIBRATION
 
     def held(self, known: Sequence[Known]) -> list[int]:
         """Columns of what is taken as known."""

@@ -21,6 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bench.bound.model import Columns, FloatArray
 from calib_core.simulate import Simulation, Truth
@@ -76,6 +77,7 @@ def noise_back(force_m_s2: FloatArray, h_s: float, noise: ImuNoise, columns: Col
     back[:, 3:6, 3:6] = accel * np.eye(3)
     back[:, 6:9, 0:3] = gyro * h_s**2 / 6 * A
     back[:, 6:9, 3:6] = -accel * h_s / 2 * np.eye(3)
+    # The noise of lateness, where there is one, acts only from one scan to the next: `forget_lateness`.
     if columns.biases_walk:
         back[:, 9:12, 6:9] = noise.gyro_walk * np.sqrt(h_s) * np.eye(3)
         back[:, 12:15, 9:12] = noise.accel_walk * np.sqrt(h_s) * np.eye(3)
@@ -115,4 +117,17 @@ def drawn_noise(
                 np.stack([np.interp(middles_s + side * h_s / 2, t_s, axis) for axis in bias.T], 1) for side in (-1, 1)
             ]
             parts.append((ends[1] - ends[0]) / (walk * root) if walk > 0.0 else np.zeros_like(ends[0]))
+    if columns.scans_late:  # which was drawn does not matter to the covariance
+        parts.append(np.zeros((len(middles_s), 1)))
     return np.hstack(parts)
+
+
+def forget_lateness(
+    back: FloatArray, disturbance: FloatArray, ends: NDArray[np.intp], std_s: float, columns: Columns
+) -> None:
+    """Between two scans the lateness is drawn anew: that of the scan before is a noise, and nothing of the next one's.
+
+    back, disturbance: of `steps_back` and `noise_back`, changed in place.   ends: (B,) steps within which a scan ends.
+    """
+    back[ends, columns.lateness] = 0.0
+    disturbance[ends, columns.lateness, -1] = std_s

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
@@ -17,7 +18,7 @@ from bench.bound.eliminate import covariance_of_last, stepped
 from bench.bound.lidar import Faces, Returns, faces_of, returns_of, rows_of
 from bench.bound.model import Columns
 from bench.bound.motion import ImuNoise, drawn_noise, noise_back, steps_back
-from calib_core.simulate import SCENARIOS, Scenario, Simulation, prepare
+from calib_core.simulate import SCENARIOS, Scenario, Simulation, parse_faults, prepare
 from calib_core.simulate.sensors import Spinning
 
 COLUMNS = Columns(biases_walk=False, planes=6)
@@ -203,6 +204,66 @@ def short(simulation: Simulation, assumed: Assumptions) -> Any:
     for step in instants(simulation, truth, faces, list(range(6)), sweeps, columns, noise, assumed):
         triangle = stepped(triangle, *step)
     return covariance_of_last(triangle, 7)
+
+
+def spoilt(faults: str) -> Simulation:
+    return prepare("paper-fast", seed=1, duration_s=6.0, faults=parse_faults(faults))
+
+
+def test_late_scans_are_an_unknown_each(simulation: Simulation) -> None:
+    """Against an elimination in which the lateness of every scan is an unknown that lasts, with its prior. Seen red: scans
+    that keep the lateness of the one before (`back` not cleared); no prior (the noise left out); scans that end twenty steps
+    later."""
+    assumed, std_s = Assumptions(step_s=0.005), 0.0005
+    truth, faces = simulation.truth, faces_of(simulation)
+    taken = range(20, 60, 2)
+    sweeps = [returns_of(simulation, truth, faces, i).chosen(slice(0, None, 20)) for i in taken]
+    columns, noise = unknowns(simulation, assumed, 6)
+    first = columns.calibration.start
+    scans, period_s = 60, simulation.scenario.lidar.pattern.period_s
+
+    def wider(rows: Any) -> Any:
+        return np.insert(rows, [first] * scans, 0.0, axis=1)
+
+    prior = np.zeros((scans, columns.size + scans + 1))
+    prior[:, first : first + scans] = np.eye(scans) / std_s
+    triangle = np.linalg.qr(np.vstack([wider(opening(columns, assumed, truth.gravity_m_s2)), prior]), mode="r")
+    start_s = min(seen.t_s.min() for seen in sweeps)
+    steps = instants(simulation, truth, faces, list(range(6)), sweeps, columns, noise, assumed)
+    for number, (back, disturbance, rows, _) in enumerate(steps):
+        late = wider(rows)
+        late[:, first + int((start_s + assumed.step_s * number) / period_s)] = rows[:, columns.calibration.stop - 1]
+        triangle = stepped(
+            triangle[: columns.size + scans], wider(np.hstack([back, back[:, :1]]))[:, :-1], disturbance, late
+        )
+    expected = covariance_of_last(triangle[: columns.size + scans], 7)
+    mine = short(spoilt("scan-latency=0.5ms"), assumed)
+    np.testing.assert_allclose(np.diag(mine), np.diag(expected), rtol=0.01)
+    assert np.diag(mine)[6] > 3.0 * short(simulation, assumed)[6, 6]
+
+
+def test_what_is_taken_away_counts(simulation: Simulation) -> None:
+    """Readings sent twice are half as many, each as good; steps are noise of a twelfth of their square a reading; a grid leaves
+    one point a cube. Seen red: the repeats' factor squared; the step's variance at a rate of one; every seventh point for the
+    first of each cube."""
+    assumed = Assumptions()
+    plain = unknowns(simulation, assumed, 6)[1]
+    twice = unknowns(spoilt("imu-repeats=2"), assumed, 6)[1]
+    assert (twice.gyro / plain.gyro) ** 2 == pytest.approx(2.0) == (twice.accel / plain.accel) ** 2
+    imu, step_rad_s = simulation.scenario.imu, 0.02
+    stepping = unknowns(spoilt(f"gyro-step={step_rad_s}"), assumed, 6)[1]
+    rng = np.random.default_rng(4)
+    rounding = rng.uniform(-step_rad_s / 2.0, step_rad_s / 2.0, 200_000)
+    density = np.sqrt(plain.gyro**2 + rounding.var() / imu.rate_hz)
+    assert stepping.gyro == pytest.approx(density, rel=0.01) and stepping.accel == plain.accel
+    gridded = spoilt("voxel-grid=0.2")
+    faces = faces_of(gridded)
+    seen, sent = returns_of(gridded, gridded.truth, faces, 20), gridded.cloud(20)
+    points = np.stack([sent.points[axis] for axis in "xyz"], axis=1).astype(np.float64)
+    mine = seen.x_m + seen.ray * seen.range_error_m[:, None]
+    apart = cKDTree(points).query(mine)[0]
+    assert len(mine) == pytest.approx(len(points), rel=0.05)
+    assert np.mean(apart < 1e-3) > 0.95
 
 
 def test_laws_of_the_bound(simulation: Simulation) -> None:
