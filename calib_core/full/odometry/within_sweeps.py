@@ -131,11 +131,12 @@ def require_measured_scans(run: Run, followed: Followed) -> None:
     they are not called off for less than what straightened ones lack.
     """
     least = WITHIN.led_straightened
-    _require(run, turning_freed(run, followed), least, "the rotation that the gyroscope measured", 1.0 - least)
+    expected = "the rotation that the gyroscope measured"
+    _require(run, turning_freed(run, followed), least, expected, 1.0 - least, bent=WITHIN.led_misfit_share)
 
 
 def _require(
-    run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float, *, bent: float = 0.0
+    run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float, *, bent: float
 ) -> None:
     """least: share that raw clouds show.   expected: of what it is.   least_off: how far from one times are called off.
     bent: how many times the misfit the share may be off by what bends the track."""
