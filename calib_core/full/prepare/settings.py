@@ -150,6 +150,9 @@ class Sweeps:
     fewest: int = 40
     #: judged: with fewer of the scans on a line there is none. Stamps stay as they are then.
     least_share: float = 0.8
+    #: derived: what packets cut counts twice the wrong way and not at all the right one. With less than half of the errors left
+    #: the other way, it is the right one.
+    other_way: float = 0.5
     #: measured on two real ones (VLP-16, HDL-32E, sweep_stamps.py): 8 microseconds from turn to turn. A rotor is off its
     #: line by less than ten times that.
     rotor_s: float = 1e-4

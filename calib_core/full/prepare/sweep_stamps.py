@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from calib_core.errors import Refused
 from calib_core.events import LogEvent, OnEvent
 from calib_core.full.prepare.clocks import FirstLook
 from calib_core.full.prepare.rotor_wander import wander_of
@@ -99,24 +100,21 @@ def late_ns(stamped: FirstLook, taken: FirstLook) -> dict[int, int]:
 
 
 def study_sweeps(seen: FirstLook) -> SweepTimes | None:
-    """Where stamps are off the rotor's line by more than a rotor can be; None where they are not, or there is no line."""
+    """Where stamps are off the rotor's line by more than a rotor can be; None where they are not, or there is no line.
+
+    Raises Refused where the points' times run backwards.
+    """
     if len(seen.stamps_ns) < SWEEPS.fewest:
         return None
     known, passing_s = _passing(seen)
-    if np.count_nonzero(known) < max(SWEEPS.fewest, SWEEPS.least_share * len(known)):
+    found = _off_their_line(known, passing_s)
+    if found is None:
         return None
-    t = passing_s[known]
-    if not np.all(np.diff(t) > 0.0):
+    rows, t, in_row, off = found
+    rms_s = float(np.sqrt(np.mean(off**2)))
+    if rms_s < SWEEPS.rotor_s:
         return None
-    rows = [_as_the_rotor_wanders(row, t) for row in even_rows(t, by_order=False, least=SWEEPS.fewest)]
-    even, in_row = t.copy(), np.zeros(len(t), dtype=np.bool_)
-    for row in rows:
-        even[row.index], in_row[row.index] = row.even_s, True
-    if np.count_nonzero(in_row) < SWEEPS.least_share * len(t):
-        return None
-    off = np.where(in_row, t - even, 0.0)
-    if float(np.sqrt(np.mean(off**2))) < SWEEPS.rotor_s:
-        return None
+    _require_that_way(seen, rms_s)
     period_s = float(np.median([row.period_s for row in rows]))
     mean = usual_mean(t, off, in_row, period_s)
     usual = np.concatenate([off[row.index][row.used] for row in rows])
@@ -134,15 +132,52 @@ def study_sweeps(seen: FirstLook) -> SweepTimes | None:
     )
 
 
+def _require_that_way(seen: FirstLook, rms_s: float) -> None:
+    """Raises Refused where the rotor turns evenly the other way: of points whose times run backwards, what packets cut counts
+    twice instead of not at all.
+
+    rms_s: what the times of passing are off a line.
+    """
+    other = _off_their_line(*_passing(seen, turned=-1.0))
+    other_s = np.inf if other is None else float(np.sqrt(np.mean(other[3] ** 2)))
+    if other_s < min(SWEEPS.rotor_s, SWEEPS.other_way * rms_s):
+        raise Refused(
+            "points.times_backwards",
+            f"the times of the points run backwards: the lidar's rotor turns evenly to {1e3 * rms_s:.2g} ms as they say, and to "
+            f"{1e3 * other_s:.2g} ms if it turns the other way; expected the first to be the smaller; correct the points' times "
+            "in the lidar's driver",
+        )
+
+
+def _off_their_line(
+    known: BoolArray, passing_s: FloatArray
+) -> tuple[list[Row], FloatArray, BoolArray, FloatArray] | None:
+    """The rows behind the times of passing that are known, these (K,) themselves, whether each is in a row, what it is off it;
+    None where most are in none."""
+    if np.count_nonzero(known) < max(SWEEPS.fewest, SWEEPS.least_share * len(known)):
+        return None
+    t = passing_s[known]
+    if not np.all(np.diff(t) > 0.0):
+        return None
+    rows = [_as_the_rotor_wanders(row, t) for row in even_rows(t, by_order=False, least=SWEEPS.fewest)]
+    even, in_row = t.copy(), np.zeros(len(t), dtype=np.bool_)
+    for row in rows:
+        even[row.index], in_row[row.index] = row.even_s, True
+    if np.count_nonzero(in_row) < SWEEPS.least_share * len(t):
+        return None
+    return rows, t, in_row, np.where(in_row, t - even, 0.0)
+
+
 def _as_the_rotor_wanders(row: Row, t: FloatArray) -> Row:
     """The row with its line bent to what its rotor wanders by: stamps that follow that are right."""
     return replace(row, even_s=row.even_s + wander_of(row.number, t[row.index] - row.even_s, row.used))
 
 
-def _passing(seen: FirstLook) -> tuple[BoolArray, FloatArray]:
+def _passing(seen: FirstLook, *, turned: float = 1.0) -> tuple[BoolArray, FloatArray]:
     """(M,) whether a scan is a turn of a rotor, and when that passed the direction in which middles of sweeps look [s].
 
     Where they look farther and farther round: the one that they began with, as many turns ago as they went round.
+    turned: -1 for a rotor that turns the other way than the points' times have it.
     """
     length = np.abs(seen.facing)
     way = int(np.argmax(np.median(length, axis=1)))
@@ -163,7 +198,7 @@ def _passing(seen: FirstLook) -> tuple[BoolArray, FloatArray]:
     round_by = np.zeros(len(known))
     round_by[known] = farther * number + _wrapped(looked - farther * number - usual)
     middle_s = (seen.stamps_ns - seen.stamps_ns[0]) * 1e-9 + 0.5 * seen.sweep_s
-    return known, middle_s - round_by / (2.0 * np.pi + farther) * seen.period_s
+    return known, middle_s - turned * round_by / (2.0 * np.pi + turned * farther) * seen.period_s
 
 
 def _wrapped(angle_rad: FloatArray) -> FloatArray:

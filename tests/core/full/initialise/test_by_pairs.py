@@ -41,7 +41,9 @@ def test_scans_that_turning_taken_out_bends_are_refused(
     """
     recording, truth = noisy
     scans = [backwards(s) if seen_at is None else straightened(s, truth, seen_at) for s in recording.scans]
-    run = prepare(replace(recording, scans=scans), CalibrateSettings(), ignore_event, never_cancel)
+    # Of a rotor whose scans are cut at packets its stamps tell it first.
+    settings = CalibrateSettings(lidar_sampling="as-stamped")
+    run = prepare(replace(recording, scans=scans), settings, ignore_event, never_cancel)
     with pytest.raises(Refused) as refused:
         pairs_start(run)
     assert refused.value.code == code
