@@ -97,9 +97,91 @@ def test_planes_of_a_source_that_changed_underneath_are_not_shown(shared_live, f
     assert shared_live.services.files.cache_key(record) == hashlib.sha256(key.encode()).hexdigest()[:32]
     with (folder / path / inside).open("ab") as file:
         file.write(b"z")
-    assert shared_live.http.get(url).json()["error"]["code"] == "planes.not_proposed"
+    assert shared_live.http.get(url).json()["error"]["code"] == "recording.source_changed"
     shared_live.http.delete(f"/api/recordings/{made['id']}")
     shutil.rmtree(folder / "changing")
+
+
+@pytest.fixture
+def replaced(shared_live, folder):
+    """A recording of the folder with a plane that somebody renamed, and a solve of it; then its file is replaced."""
+    path = folder / "room_replaced.bag"
+    path.write_bytes(b"the old one")
+    made = shared_live.http.post("/api/recordings", json={"folder_path": path.name}).json()
+    home = f"/api/recordings/{made['id']}"
+    both = {"inspect": "done", "planes": "done"}
+    shared_live.wait(lambda: shared_live.job_states(made["id"]) == both)
+    rename = {"op": "rename", "index": 0, "name": "MINE"}
+    assert shared_live.http.post(f"{home}/planes/operations", json=rename).status_code == 200
+    solved = shared_live.start(made["id"])
+    assert shared_live.finish(solved)["state"] == "done"
+    written_ns = path.stat().st_mtime_ns
+    path.write_bytes(b"a new one, longer")
+    yield made["id"], home, path, written_ns, solved
+    shared_live.http.delete(home)
+    path.unlink()
+
+
+def test_a_source_that_was_replaced_is_told_at_every_door_and_nothing_chosen_is_lost(shared_live, replaced):
+    """Oracle: the old file put back, with its time, has its planes as they were left.
+
+    Mutations: the source not looked at: a solve answers for the new file, without the planes; its state left as it was;
+    the stamp of the new file taken when it is noticed.
+    """
+    recording_id, home, path, written_ns, _ = replaced
+    http, said = shared_live.http, "recording.source_changed"
+    shown = http.get(home).json()
+    assert (shown["state"], shown["error"]["code"], shown["verdict"]) == ("failed", said, "good")
+    listed = next(one for one in http.get("/api/recordings").json() if one["id"] == recording_id)
+    assert listed["error"]["code"] == said
+    audit = {"extrinsic": "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1"}
+    answers = [
+        http.get(f"{home}/planes"),
+        http.post(f"{home}/planes/operations", json={"op": "undo"}),
+        http.get(f"{home}/timeline"),
+        http.post(f"{home}/jobs", json={"kind": "solve"}),
+        http.post(f"{home}/jobs", json={"kind": "planes"}),
+        http.post(f"{home}/audits", json=audit),
+    ]
+    assert [(answer.status_code, answer.json()["error"]["code"]) for answer in answers] == [(409, said)] * 6
+    assert "inspected again" in answers[0].json()["error"]["text"]
+    path.write_bytes(b"the old one")
+    os.utime(path, ns=(written_ns, written_ns))
+    assert http.get(home).json()["state"] == "ready"
+    assert http.get(f"{home}/planes").json()["patches"][0]["name"] == "MINE"
+
+
+def test_what_was_put_in_a_sources_place_is_inspected_anew_and_old_solves_are_not_run_on_it(shared_live, replaced):
+    """Oracle: the new file's size; the name that a person gave a plane is of the old file.
+
+    Mutations: planes not looked for; the size left; a solve of the old file's planes run again on the new file.
+    """
+    recording_id, home, path, _, solved = replaced
+    queued = shared_live.start(recording_id, kind="inspect")
+    assert shared_live.finish(queued)["state"] == "done"
+    shared_live.wait(lambda: shared_live.job_states(recording_id)["planes"] == "done")
+    shown = shared_live.http.get(home).json()
+    assert (shown["state"], shown["error"], shown["size_bytes"]) == ("ready", None, path.stat().st_size)
+    names = [plane["name"] for plane in shared_live.http.get(f"{home}/planes").json()["patches"]]
+    assert names and "MINE" not in names
+    again = shared_live.http.post(f"/api/jobs/{solved}/retry")
+    assert (again.status_code, again.json()["error"]["code"]) == (409, "job.read_otherwise")
+    assert shared_live.finish(shared_live.start(recording_id))["state"] == "done"
+
+
+def test_a_failed_inspection_is_tried_again_on_what_was_put_in_its_place(shared_live, folder):
+    """As the page's button does. Mutation: retrying asks for the same source."""
+    path = folder / "broken_then_mended.bag"
+    path.write_bytes(b"porridge")
+    made = shared_live.http.post("/api/recordings", json={"folder_path": path.name}).json()
+    shared_live.wait(lambda: shared_live.job_states(made["id"]).get("inspect") == "failed")
+    path.write_bytes(b"porridge again")
+    inspection = next(job for job in shared_live.services.jobs.records_of(made["id"]) if job.kind == "inspect")
+    assert shared_live.http.post(f"/api/jobs/{inspection.id}/retry").status_code == 201
+    shared_live.wait(lambda: shared_live.http.get(f"/api/recordings/{made['id']}").json()["state"] == "failed")
+    assert shared_live.http.get(f"/api/recordings/{made['id']}").json()["error"]["code"] == "recording.unreadable"
+    shared_live.http.delete(f"/api/recordings/{made['id']}")
+    path.unlink()
 
 
 def test_a_changed_read_setting_inspects_again_and_a_name_does_not(shared_live):
