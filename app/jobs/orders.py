@@ -47,7 +47,7 @@ class StoredRequest(_Parcel):
     planes: tuple[OrderedPlane, ...] | None = None
     read_settings: ReadSettings | None = Field(
         default=None,
-        description="of a solve, how its recording was read, which its planes and spans are of; None: unknown",
+        description="how the recording was read then, which a solve's planes and spans are of; None: unknown",
     )
     source_stamp: str = Field(
         default="", description="what the recording's source was then; '' is unknown, or the only one"

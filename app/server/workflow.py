@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection
 from contextlib import suppress
+from dataclasses import replace
 
 from pydantic import ValidationError
 
@@ -14,7 +15,7 @@ from app.events import JobMoved, JobSaid, RecordingArrived, SampleWanted, ShownC
 from app.jobs.orders import READING, Order, StoredRequest
 from app.jobs.service import JobService
 from app.jobs.state_machine import FINAL
-from app.jobs.stored_parts import UNREADABLE, begins_again, readable_request, request_of
+from app.jobs.stored_parts import BY_ITSELF, UNREADABLE, begins_again, readable_request, request_of
 from app.limits import JobLimits
 from app.planes.service import PlaneService
 from app.recordings.service import reading_of, require_arrived
@@ -55,7 +56,7 @@ class Orders:
         request = readable_request(job)
         if request is None:
             raise Conflict(UNREADABLE.code, UNREADABLE.text)
-        _require_same_reading(request, record)
+        _require_same_reading(job.kind, request, record)
         return Order(
             job_id=job.id,
             kind=job.kind,
@@ -106,9 +107,11 @@ class Workflow:
             return self._inspect_another(record)
         self._files.cache_key(record)  # refuses where the source is gone, or is another one
         self._jobs.check_room()
-        request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
+        request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess).model_copy(
+            update=_as_read(record)
+        )
         if wish.kind == "solve":
-            request = request.model_copy(update={"planes": self._planes.confirmed(record.id), **_as_read(record)})
+            request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
         return self._jobs.submit(record.id, wish.kind, request)
 
     def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:
@@ -147,7 +150,9 @@ class Workflow:
         if record is not None:
             if job.kind == "inspect" and self._files.has_changed(record):
                 return self._inspect_another(record)
-            _require_same_reading(request, record)
+            _require_same_reading(job.kind, request, record)
+            if job.kind in BY_ITSELF:
+                request = request.model_copy(update=_as_read(record))
         self._jobs.check_room()
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
 
@@ -238,11 +243,12 @@ class Workflow:
         self._jobs.stop_all_of(record.id)
         anew: RecordingChanges = {"state": "inspecting", "error_json": None, **self._files.as_it_is_now(record)}
         self._recordings.change(record.id, anew)
+        record = replace(record, **anew)
         self._submit(record, "planes")
-        return self._jobs.submit(record.id, "inspect", StoredRequest())
+        return self._jobs.submit(record.id, "inspect", StoredRequest().model_copy(update=_as_read(record)))
 
     def _submit(self, record: RecordingRecord, kind: JobKind) -> None:
-        self._jobs.submit(record.id, kind, StoredRequest())
+        self._jobs.submit(record.id, kind, StoredRequest().model_copy(update=_as_read(record)))
 
 
 def _as_read(record: RecordingRecord) -> dict[str, object]:
@@ -250,10 +256,13 @@ def _as_read(record: RecordingRecord) -> dict[str, object]:
     return {"read_settings": reading_of(record), "source_stamp": record.source_stamp}
 
 
-def _require_same_reading(request: StoredRequest, record: RecordingRecord) -> None:
+def _require_same_reading(kind: JobKind, request: StoredRequest, record: RecordingRecord) -> None:
     """Raises Conflict where a job was asked for of the recording as it was read earlier: a solve's planes are in the frame of a
-    scan that may be none any more, its spans count from another one; an audit's extrinsic may be of another lidar.
+    scan that may be none any more, its spans count from another one; an audit's extrinsic may be of another lidar. What begins by
+    itself looks at the recording as it is.
     """
+    if kind in BY_ITSELF:
+        return
     if request.source_stamp not in {"", record.source_stamp}:
         raise Conflict(
             "job.read_otherwise",

@@ -1,4 +1,4 @@
-"""How much a recording takes on disk, and whether it is what it was. Apart from files.py: workers need no web framework for it."""
+"""How much a recording takes on disk, and whether it is what it was. Apart from files.py: workers need no web framework."""
 
 from __future__ import annotations
 
