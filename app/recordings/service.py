@@ -181,6 +181,8 @@ class RecordingService:
             self._documents.write(record.id, NOTE, json.dumps(change.note.strip()))
         if self._merged(record, wanted) != reading_of(record):
             require_arrived(record, "change it")
+            if self._files.has_changed(record):
+                self._folder.require_inside(self._files.source(record))
             self._jobs.stop_all_of(record.id)
             self._bus.publish(RecordingArrived(self._read_otherwise(record, wanted)))
         self._bus.publish(RecordingEdited(record.id))

@@ -18,6 +18,7 @@ from app.jobs.state_machine import FINAL
 from app.jobs.stored_parts import BY_ITSELF, UNREADABLE, begins_again, readable_request, request_of
 from app.limits import JobLimits
 from app.planes.service import PlaneService
+from app.recordings.folder import RecordingsFolder
 from app.recordings.service import reading_of, require_arrived
 from app.results.extrinsic_text import parse_extrinsic
 from app.scene.sources import SceneSources
@@ -86,6 +87,7 @@ class Workflow:
         feed: RecordingFeed,
         bus: Bus,
         sources: SceneSources,
+        folder: RecordingsFolder,
     ) -> None:
         self._recordings = recordings
         self._files = files
@@ -94,6 +96,7 @@ class Workflow:
         self._feed = feed
         self._bus = bus
         self._sources = sources
+        self._folder = folder
         bus.subscribe(JobMoved, lambda event: self.job_changed(event.record, event.job))
         bus.subscribe(JobSaid, lambda event: self.job_said(event.record, event.said))
         bus.subscribe(RecordingArrived, lambda event: self._arrived(event.record))
@@ -239,6 +242,7 @@ class Workflow:
 
     def _inspect_another(self, record: RecordingRecord) -> Job:
         """The inspection of what was put in the place of a recording's source. Its planes are looked for anew with it."""
+        self._folder.require_inside(self._files.source(record))
         self._jobs.check_room()
         self._jobs.stop_all_of(record.id)
         anew: RecordingChanges = {"state": "inspecting", "error_json": None, **self._files.as_it_is_now(record)}

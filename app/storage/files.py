@@ -1,7 +1,7 @@
 """Where files live. Every path is made of ids this program drew; nothing a user typed becomes a path.
 
 uploads/{recording}             bytes as they arrive, with their state beside them (partial.py)
-recordings/{recording}/source.bag      a finished upload or sample (suffix from SUFFIXES)
+recordings/{recording}/source.bag      a finished upload or sample (with the suffix that it came with)
 recordings/{recording}/cache/{key}/    arrays read from it; the key is a hash of all their inputs
 recordings/{recording}/unpacked/       what an archive holds, while jobs read it
 jobs/{job}/                     events.jsonl, worker.log, and what the job made
@@ -27,10 +27,6 @@ from app.storage.sizes import source_stamp, tree_size
 from calib_core import api
 from calib_core.errors import InputError
 
-#: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
-SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
-
-
 #: Room for the store's transactions when the disk is full: a deletion writes a few pages of 4 KiB.
 RESERVE_BYTES = 8 * 2**20
 RESERVE_NAME = "reserve"
@@ -41,16 +37,15 @@ PLACE_NAME = "place"
 
 
 def suffix_of(name: str) -> str:
-    """The allowed suffix of a user's file name."""
-    lowered = name.lower()
-    for suffix in SUFFIXES:
-        if lowered.endswith(suffix):
-            return suffix
-    raise BadRequest(
-        "upload.suffix",
-        f"A recording's name ends in one of {', '.join(SUFFIXES)}; {display_name(name)!r} does not: "
-        "choose a bag, or a bag's folder or archive.",
-    )
+    """The suffix of a user's file name, which is kept: the reader goes by it."""
+    suffix = api.recording_suffix(name)
+    if not suffix:
+        raise BadRequest(
+            "upload.suffix",
+            f"A recording's name ends in {api.recording_names()}; {display_name(name)!r} does not: choose a bag, or an "
+            "archive of a bag's folder.",
+        )
+    return suffix
 
 
 def display_name(name: str) -> str:

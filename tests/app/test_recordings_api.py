@@ -9,6 +9,7 @@ import shutil
 import numpy as np
 import pytest
 
+from app.fleet.find import find_recordings
 from app.recordings.timeline import make_timeline, still_windows
 from tests.app.support import world
 
@@ -19,6 +20,7 @@ def folder(shared_live):
     root = shared_live.settings.recordings_dir
     (root / "day" / "ros2").mkdir(parents=True)
     (root / "day" / "ros2" / "metadata.yaml").write_text("x")
+    (root / "day" / "ros2" / "any.db3").write_text("y")
     (root / "day" / "room.bag").write_bytes(b"12345")
     (root / "notes.txt").write_text("n")
     (root / ".hidden.bag").write_text("h")
@@ -67,6 +69,71 @@ def test_no_path_leads_out_of_the_folder(shared_live, path, code):
     assert opened.status_code in {403, 404}
 
 
+def test_what_a_recording_is_is_one_question_at_every_door(shared_live, folder):
+    """The same names are listed, opened, uploaded and found by calibrate-many. Oracle: what the command line reads.
+
+    Seen: `room.bag.active`, compressed files and folders without a list taken by the command line alone. Mutations: a list of
+    suffixes of the door's own; folders asked for a metadata.yaml alone.
+    """
+    root = folder / "doors"
+    names = [
+        "a.bag.active",
+        "B.BAG",
+        "c.mcap.zstd",
+        "d.db3.zst",
+        "e.tar.xz",
+        "f.tar.bz2",
+        "run/run_0.db3",
+        "run/run_1.db3",
+    ]
+    for name in (*names, "notes.txt", "day/monday.bag"):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(b"-")
+    listed = shared_live.http.get("/api/folder", params={"path": "doors"}).json()["entries"]
+    kinds = {entry["name"]: entry["kind"] for entry in listed}
+    one_each = {name.partition("/")[0] for name in names}
+    assert kinds == dict.fromkeys(one_each, "recording") | {"notes.txt": "file", "day": "folder"}
+    assert {path.relative_to(root).as_posix() for path in find_recordings(root)} == one_each | {"day/monday.bag"}
+    for name in [*sorted(one_each), "day"]:  # a folder with one bag is that bag, as on the command line
+        opened = shared_live.http.post("/api/recordings", json={"folder_path": f"doors/{name}"})
+        assert opened.status_code == 201, opened.text
+        shared_live.http.delete(f"/api/recordings/{opened.json()['id']}")
+    for name in one_each - {"run"}:
+        shared_live.http.delete(f"/api/recordings/{shared_live.upload(name)}")
+    refused = shared_live.http.post("/api/recordings", json={"folder_path": "doors"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (404, "folder.no_recording")
+    assert "holds 4 recordings" in refused.json()["error"]["text"]
+    shutil.rmtree(root)
+
+
+def test_a_bag_folder_whose_files_lead_out_is_not_opened(shared_live, folder):
+    """Seen: listed as a recording, and read. Oracle: what the documents say of links. Mutation: files in it not asked."""
+    trick = folder / "trick"
+    trick.mkdir()
+    (trick / "metadata.yaml").write_text("relative_file_paths:\n  - trick_0.db3\n")
+    (trick / "trick_0.db3").symlink_to(folder.parent / "secret.bag")
+    entries = shared_live.http.get("/api/folder").json()["entries"]
+    assert next(entry["kind"] for entry in entries if entry["name"] == "trick") == "folder"
+    assert shared_live.http.get("/api/folder", params={"path": "trick"}).json()["links_out"] == 1
+    refused = shared_live.http.post("/api/recordings", json={"folder_path": "trick"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (403, "folder.outside")
+    (trick / "trick_0.db3").unlink()
+    (trick / "trick_0.db3").symlink_to(folder / "day" / "room.bag")  # within the folder it may
+    opened = shared_live.http.post("/api/recordings", json={"folder_path": "trick"})
+    assert opened.status_code == 201
+    home = f"/api/recordings/{opened.json()['id']}"
+    shared_live.wait(lambda: shared_live.http.get(home).json()["state"] == "ready")
+    (trick / "trick_0.db3").unlink()
+    (trick / "trick_0.db3").symlink_to(folder.parent / "secret.bag")  # nor is what is put in its place
+    for again in (
+        shared_live.http.post(f"{home}/jobs", json={"kind": "inspect"}),
+        shared_live.http.patch(home, json={"range_max_m": 50}),
+    ):
+        assert (again.status_code, again.json()["error"]["code"]) == (403, "folder.outside")
+    shared_live.http.delete(home)
+    shutil.rmtree(trick)
+
+
 @pytest.mark.usefixtures("folder")
 def test_a_recording_of_the_folder_is_opened_in_place_and_survives_its_entry(shared_live, folder):
     """Mutation: deleting the source of a folder recording."""
@@ -77,7 +144,7 @@ def test_a_recording_of_the_folder_is_opened_in_place_and_survives_its_entry(sha
     assert (folder / "day" / "room.bag").read_bytes() == b"12345"
 
 
-@pytest.mark.parametrize(("path", "inside"), [("room.bag", ""), ("room_ros2", "metadata.yaml")])
+@pytest.mark.parametrize(("path", "inside"), [("room.bag", ""), ("room_ros2", "any.mcap")])
 def test_planes_of_a_source_that_changed_underneath_are_not_shown(shared_live, folder, path, inside):
     """Also of a folder, whose own time stays when one of its files is written. Oracle: the answer before.
 

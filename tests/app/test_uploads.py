@@ -307,7 +307,7 @@ def test_suffixes_are_kept_from_an_allowed_list_only():
     """Mutation: Path(name).suffix makes .gz of .tar.gz, which the reader cannot open."""
     assert suffix_of("A.TAR.GZ") == ".tar.gz"
     assert suffix_of("x.y.mcap") == ".mcap"
-    with pytest.raises(BadRequest, match="ends in one of"):
+    with pytest.raises(BadRequest, match=r"ends in \.bag, \.mcap"):
         suffix_of("bag")
     assert len(display_name("x" * 500 + ".bag")) == 200
     assert display_name("///") == "recording"
