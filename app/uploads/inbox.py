@@ -17,7 +17,7 @@ from app.errors import ApiError, BadRequest, Conflict, DiskFull, NotFound, TooLa
 from app.storage.files import DataFolder
 from app.storage.partial import Appender
 from app.uploads.protocol import Checksum, TusError
-from calib_core.errors import NO_ROOM
+from calib_core.errors import is_for_want_of_room
 
 #: Bytes gathered before they are handed to a thread for writing.
 WRITE_BYTES = 4 * 2**20
@@ -208,7 +208,7 @@ def _gone(part: Part) -> ApiError:
 
 
 def _refusal(error: OSError, appender: Appender, part: Part) -> ApiError:
-    if error.errno in NO_ROOM:
+    if is_for_want_of_room(error):
         return DiskFull(
             "upload.disk_full",
             f"The data directory's disk is full after {appender.durable_bytes / 1e9:.2f} GB of {part.name}: "

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib_core.errors import DISK_FULL, Cancelled, InputError, UnreadableRecording
+from calib_core.errors import Cancelled, InputError, UnreadableRecording, is_for_want_of_room
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.phrasing import counted
 from calib_core.readers.clouds.cloud import RawCloud
@@ -254,7 +254,7 @@ class Reading:
         try:
             yield
         except OSError as error:
-            if error.errno not in DISK_FULL:
+            if not is_for_want_of_room(error):
                 raise
             raise InputError(
                 f"The disk that holds temporary files is full after {counted(index, 'scan')} of {self.recording.name};"

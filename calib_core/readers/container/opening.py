@@ -17,7 +17,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
 
-from calib_core.errors import UnreadableRecording
+from calib_core.errors import UnreadableRecording, is_for_want_of_room
 from calib_core.readers.container.archive import is_archive, unpacked_room
 from calib_core.readers.container.compression import pieces, zstd
 from calib_core.readers.container.files import ACCEPTED, RecordingFiles, recording_files
@@ -173,6 +173,12 @@ def _told_as_unreadable(path: Path) -> Iterator[None]:
             f"The file {error.filename} may not be read by this user; change its mode."
         ) from error
     except OSError as error:
+        if is_for_want_of_room(error):
+            raise UnreadableRecording(
+                f"The recording {path.name} cannot be unpacked: the disk for it is full; free some space, or point TMPDIR at a "
+                "disk with room.",
+                code="disk.full",
+            ) from error
         raise UnreadableRecording(f"The recording {path.name} cannot be read: {error.strerror or error}.") from error
 
 
