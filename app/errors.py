@@ -6,6 +6,7 @@ ApiError                      anything refused on purpose
 |- Refused             403    wrong origin, wrong host, path outside the folder
 |- Unauthorised        401    no token, or a wrong one
 |- TooLarge            413    more bytes than the limit
+|- HeadTooLarge        431    longer headers than the limit
 |- BadRequest          422    understood, and cannot be done as asked
 |- TooMany             429    too many tries; later again
 |- DiskFull            507    not enough space left
@@ -63,6 +64,12 @@ class TooLarge(ApiError):
     """More bytes than the limit."""
 
     status = 413
+
+
+class HeadTooLarge(ApiError):
+    """Longer headers than the limit."""
+
+    status = 431
 
 
 class BadRequest(ApiError):

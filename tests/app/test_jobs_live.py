@@ -317,3 +317,21 @@ def test_an_inspection_that_is_stopped_leaves_the_recording_as_the_one_before_fo
     else:
         for job_id in taken:
             live.http.post(f"/api/jobs/{job_id}/cancel")
+
+
+def test_a_stream_from_beyond_its_end_is_told_from_its_beginning(live):
+    """Oracle: the whole stream. Seen: no message at all, where the document promises a final state. Mutation: waiting for a
+    number that was never given out; the last message told again to who has had it.
+    """
+    job_id = live.start(live.upload("any.bag"))
+    live.finish(job_id)
+    whole = live.events(f"/api/jobs/{job_id}/events", until=final)
+    for beyond in (len(whole), 999_999):
+        told = live.events(f"/api/jobs/{job_id}/events", until=final, headers={"Last-Event-ID": str(beyond)})
+        assert told == whole
+    assert live.events(f"/api/jobs/{job_id}/events", until=final, headers={"Last-Event-ID": whole[-1][0]}) == []
+    slow = live.start(live.upload("slow.bag"))
+    live.wait(lambda: live.job(slow)["state"] == "running")
+    first = live.events(f"/api/jobs/{slow}/events", until=lambda _: True, headers={"Last-Event-ID": "999999"})
+    assert first[0][0] == "0"
+    live.http.post(f"/api/jobs/{slow}/cancel")
