@@ -382,6 +382,13 @@ def asks_for_frames(text: str) -> bool:
     return given.asks_for_frames(text)
 
 
+def check_urdf(text: str) -> None:
+    """Raises InputError where a text that `asks_for_frames` gives no extrinsic, whatever the frames are."""
+    from calib_core.audit import urdf
+
+    urdf.check_urdf(text)
+
+
 def parse_extrinsic(
     text: str, *, direction: Direction = "imu_lidar", frames: tuple[str, str] | None = None
 ) -> GivenExtrinsic:

@@ -22,7 +22,7 @@ from app.recordings.kept_report import verdict_of
 from app.recordings.timeline import make_timeline
 from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
-from app.storage.files import DataFolder, display_name
+from app.storage.files import DataFolder, shown_name
 from app.storage.records import RecordingChanges, RecordingRecord
 from app.storage.sizes import source_stamp, tree_size
 from app.storage.store import DocumentStore, RecordingStore
@@ -176,7 +176,7 @@ class RecordingService:
         """The recording renamed or to be read another way; in the latter case it is inspected again."""
         wanted = change.model_dump(exclude_unset=True, exclude={"name", "note"})
         if change.name is not None:
-            self._store.change(record.id, {"name": display_name(change.name)})
+            self._store.change(record.id, {"name": _name_of(change.name)})
         if change.note is not None:
             self._documents.write(record.id, NOTE, json.dumps(change.note.strip()))
         if self._merged(record, wanted) != reading_of(record):
@@ -241,6 +241,16 @@ class RecordingService:
                 "recording.span", f"The time span starts at {after.start_s} s and ends at {after.end_s} s; swap them."
             )
         return after
+
+
+def _name_of(wanted: str) -> str:
+    """The name that a person gives a recording; a slash is a letter of it."""
+    name = shown_name(wanted)
+    if not name:
+        raise BadRequest(
+            "recording.name", "Expected a name that can be seen, but found none; give at least one letter."
+        )
+    return name
 
 
 def new_record(name: str, origin: Origin, *, source: str, size_bytes: int, state: RecordingState) -> RecordingRecord:

@@ -16,7 +16,7 @@ from app.errors import ApiError, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from app.settings import AppSettings
 from calib_core.errors import UnsweepError, is_for_want_of_room
-from calib_core.validation_messages import misfit
+from calib_core.validation_messages import misfit, place_of
 
 _LOG = logging.getLogger("unsweep")
 
@@ -46,7 +46,7 @@ def without_paths(text: str, settings: AppSettings) -> str:
 
 
 def _invalid_request(error: RequestValidationError) -> ErrorFacts:
-    places = [".".join(str(part) for part in problem["loc"]) for problem in error.errors()]
+    places = [place_of(problem) for problem in error.errors()]
     reasons = "; ".join(f"{place}: {misfit(problem)}" for place, problem in zip(places, error.errors(), strict=True))
     return ErrorFacts(
         code="request.invalid",

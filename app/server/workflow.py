@@ -121,7 +121,9 @@ class Workflow:
         """An audit somebody asked for. What is no extrinsic is refused at once; a URDF's links need the recording's frames."""
         require_arrived(record, "audit it")
         self._files.cache_key(record)
-        if not api.asks_for_frames(wish.extrinsic):
+        if api.asks_for_frames(wish.extrinsic):
+            api.check_urdf(wish.extrinsic)
+        else:
             parse_extrinsic(wish.extrinsic, wish.direction)
         self._jobs.check_room()
         return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish).model_copy(update=_as_read(record)))

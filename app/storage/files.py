@@ -50,9 +50,12 @@ def suffix_of(name: str) -> str:
 
 def display_name(name: str) -> str:
     """A user's file name as shown to people: its last part, without control characters, at most 200 long."""
-    last = name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]
-    shown = "".join(character for character in last if character.isprintable()).strip()
-    return shown[:200] or "recording"
+    return shown_name(name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]) or "recording"
+
+
+def shown_name(name: str) -> str:
+    """A name that a person gives, as it is shown: without control characters, at most 200 long; "" where nothing is left."""
+    return "".join(character for character in name if character.isprintable()).strip()[:200]
 
 
 class DataFolder:

@@ -257,7 +257,10 @@ def test_a_changed_read_setting_inspects_again_and_a_name_does_not(shared_live):
     url = f"/api/recordings/{recording_id}"
     hold = shared_live.services.files.recording(recording_id) / "hold"
     hold.touch()
-    assert shared_live.http.patch(url, json={"name": "my/room"}).json()["name"] == "room"
+    assert shared_live.http.patch(url, json={"name": " lab 3/4\t"}).json()["name"] == "lab 3/4"
+    blank = shared_live.http.patch(url, json={"name": " \u200b"})
+    assert (blank.status_code, blank.json()["error"]["code"]) == (422, "recording.name")
+    assert shared_live.http.get(url).json()["name"] == "lab 3/4"
     assert shared_live.job_states(recording_id) == {"inspect": "done", "planes": "done"}
     changed = shared_live.http.patch(url, json={"imu_topic": "/imu2", "start_s": 1.5}).json()
     assert (changed["read_settings"]["imu_topic"], changed["state"]) == ("/imu2", "inspecting")
