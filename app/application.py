@@ -21,7 +21,7 @@ from app.server.headers import SecurityHeaders
 from app.server.metrics import CountRequests, Metrics
 from app.server.patience import PatientH11
 from app.server.process import settle_process
-from app.server.security import Gatekeeper
+from app.server.security import MAX_HEAD_BYTES, Gatekeeper
 from app.server.services import Services
 from app.server.sessions import Sessions
 from app.server.streams import ForgiveLeaving
@@ -30,8 +30,6 @@ from calib_core import __version__
 
 #: The largest message a browser may send to the scene: a camera, a click.
 WEBSOCKET_MESSAGE_BYTES = 2**16
-#: The longest head of a request, all its headers: a long path and a cookie fit many times.
-MAX_HEAD_BYTES = 2**15
 #: What the web server says, with a traceback, of text in a websocket that is none: it closes it, and nothing is wrong here.
 BROWSERS_FAULT = "Invalid UTF-8 sequence received"
 #: How long open requests may take to end when the server stops.

@@ -6,19 +6,22 @@ ApiError                      anything refused on purpose
 |- Refused             403    wrong origin, wrong host, path outside the folder
 |- Unauthorised        401    no token, or a wrong one
 |- TooLarge            413    more bytes than the limit
+|- HeadTooLarge        431    longer headers than the limit
 |- BadRequest          422    understood, and cannot be done as asked
 |- TooMany             429    too many tries; later again
 |- DiskFull            507    not enough space left
 |- Unavailable         503    the store or the data directory cannot be used
 calib_core.UnsweepError 422   the library's own tree: its code and sentence pass through
+a write without room    507   whoever says so, and in whatever words
 everything else         500   a defect: logged with its traceback, told without it
 """
 
 from __future__ import annotations
 
 from app.schemas.common import ErrorDetails, ErrorFacts
-from calib_core.errors import TopicError, UnsweepError
+from calib_core.errors import TopicError, UnsweepError, is_for_want_of_room
 
+FULL_TEXT = "The server's disk is full: delete recordings that are not needed, then try again."
 DEFECT_TEXT = "The program itself failed here; the server's log has the details. Please report it and try again."
 
 
@@ -63,6 +66,12 @@ class TooLarge(ApiError):
     status = 413
 
 
+class HeadTooLarge(ApiError):
+    """Longer headers than the limit."""
+
+    status = 431
+
+
 class BadRequest(ApiError):
     """Understood, and cannot be done as asked."""
 
@@ -100,4 +109,6 @@ def facts_of(error: Exception) -> tuple[int, ErrorFacts]:
         return 422, ErrorFacts(code=error.code, text=str(error), details=details)
     if isinstance(error, UnsweepError):
         return 422, ErrorFacts(code=error.code, text=str(error))
+    if is_for_want_of_room(error):
+        return DiskFull.status, ErrorFacts(code="disk.full", text=FULL_TEXT)
     return 500, ErrorFacts(code="defect", text=DEFECT_TEXT)

@@ -16,7 +16,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field
 
 from app.schemas.common import ErrorFacts
-from calib_core.errors import NO_ROOM
+from calib_core.errors import causes_of, is_for_want_of_room
 
 #: A job that may have less than this ends before it has an answer for an ordinary recording.
 LEAST_MEMORY_BYTES = 2**30
@@ -82,15 +82,11 @@ def _sizes(lines: list[str]) -> list[tuple[str, str]]:
 
 def is_for_want_of_memory(error: BaseException) -> bool:
     """Whether that is what an error comes of, for a process with a bound: it need not be said by MemoryError."""
-    causes: list[BaseException] = []
-    while error not in causes:
-        causes.append(error)
-        error = error.__cause__ or error.__context__ or error
     return any(
         isinstance(cause, MemoryError)
         or (isinstance(cause, OSError) and cause.errno == errno.ENOMEM)
         or _NO_THREAD in str(cause)
-        for cause in causes
+        for cause in causes_of(error)
     )
 
 
@@ -102,9 +98,9 @@ def fair_memory_bytes(concurrent_jobs: int) -> int:
     return max(LEAST_MEMORY_BYTES, machine // concurrent_jobs)
 
 
-def full_disk(error: OSError) -> ErrorFacts | None:
+def full_disk(error: BaseException) -> ErrorFacts | None:
     """The sentence for a write that found no room; None for any other error."""
-    if error.errno not in NO_ROOM:
+    if not is_for_want_of_room(error):
         return None
     return ErrorFacts(
         code="job.disk_full", text="The disk of the data directory is full: delete recordings, then run the job again."

@@ -104,6 +104,51 @@ __all__ = [
 ]
 
 
+def recording_suffixes() -> tuple[str, ...]:
+    """What a recording's file name may end in, as it is in lower case."""
+    from calib_core.readers.container import names
+
+    return names.SUFFIXES
+
+
+def recording_suffix(name: str) -> str:
+    """The one of these that a file's name ends in, in upper or lower case; "" where it is no recording's."""
+    from calib_core.readers.container import names
+
+    return names.recording_suffix(name)
+
+
+def recording_names() -> str:
+    """What a recording's file name may end in, in words."""
+    from calib_core.readers.container import names
+
+    return names.IN_WORDS
+
+
+def is_recording_file(path: Path) -> bool:
+    """Whether it is a file that is called as recordings are."""
+    from calib_core.readers.container import files
+
+    return files.is_recording_file(path)
+
+
+def is_recording_folder(path: Path) -> bool:
+    """Whether the folder is one recording, not one of recordings: by its list of files, or by the names that recorders give."""
+    from calib_core.readers.container import files
+
+    return files.is_recording_folder(path)
+
+
+def recording_files(path: Path) -> list[Path]:
+    """The files of the recording at `path`, a file or a folder, which are not opened.
+
+    Raises UnreadableRecording where it is called as none, or holds none or several.
+    """
+    from calib_core.readers.container import files
+
+    return files.recording_files(path).files
+
+
 def inspect(
     path: str | Path,
     settings: ReadSettings | None = None,
@@ -335,6 +380,13 @@ def asks_for_frames(text: str) -> bool:
     from calib_core.audit import given
 
     return given.asks_for_frames(text)
+
+
+def check_urdf(text: str) -> None:
+    """Raises InputError where a text that `asks_for_frames` gives no extrinsic, whatever the frames are."""
+    from calib_core.audit import urdf
+
+    urdf.check_urdf(text)
 
 
 def parse_extrinsic(

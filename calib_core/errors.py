@@ -17,11 +17,13 @@ Every sentence has four parts: what was expected, what was found, where, what to
 from __future__ import annotations
 
 import errno
+import re
+from collections.abc import Iterator
 
-#: An OSError's numbers: the disk is full, or the share of it that this user may have.
-DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT})
-#: The same, or the file is as large as this process may make one.
-NO_ROOM = DISK_FULL | {errno.EFBIG}
+#: An OSError's numbers: the disk is full, or the share of it that this user may have, or the file is as large as it may be.
+NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+#: What NumPy says of a write that was cut short, without a number; and Python where no folder takes a temporary file.
+_NO_ROOM_WORDS = re.compile(r"\d+ requested and \d+ written|^No usable temporary directory found")
 
 
 class UnsweepError(Exception):
@@ -80,3 +82,21 @@ class Refused(UnsweepError):
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text, code=code)
+
+
+def causes_of(error: BaseException) -> Iterator[BaseException]:
+    """The error, and what it comes of, back to the first."""
+    seen: list[BaseException] = []
+    while error not in seen:
+        seen.append(error)
+        yield error
+        error = error.__cause__ or error.__context__ or error
+
+
+def is_for_want_of_room(error: BaseException) -> bool:
+    """Whether it comes of a write for which there was no room. The only place that knows in how many ways libraries say so."""
+    return any(
+        (isinstance(cause, OSError) and (cause.errno in NO_ROOM or _NO_ROOM_WORDS.search(str(cause.strerror or cause))))
+        or getattr(cause, "sqlite_errorname", "") == "SQLITE_FULL"
+        for cause in causes_of(error)
+    )

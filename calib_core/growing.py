@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calib_core.errors import NO_ROOM
+from calib_core.errors import is_for_want_of_room
 from calib_core.paged import give_back
 
 #: Room for the first parts; each time there is too little, twice as much.
@@ -78,7 +78,7 @@ class _Column:
                 self._store.append(data)
                 return
             except OSError as error:
-                if error.errno not in NO_ROOM:
+                if not is_for_want_of_room(error):
                     raise
                 self._has_disk = False
                 if isinstance(self._store, _InFile):

@@ -25,9 +25,9 @@ from calib_core.contradictions import (
 from calib_core.errors import SettingsError
 from calib_core.geometry import ROTATION_TOLERANCE, rotation_meant
 from calib_core.result import RESULT_SCHEMA, CalibrationResult
-from calib_core.settings import FARTHEST_S, ImuNoise
+from calib_core.settings import FARTHEST_M, FARTHEST_S, ImuNoise
 from calib_core.types import FloatArray, InitialGuess, Plane
-from calib_core.validation_messages import misfit
+from calib_core.validation_messages import misfit, place_of
 
 #: An outline's corners lie in their plane, but for digits left out.
 OUTLINE_OFF_PLANE_M = 0.05
@@ -199,7 +199,7 @@ def _read(path: str | Path, parse: Callable[[str], _Model], expected: str) -> _M
         return parse(text)
     except ValidationError as error:
         first = error.errors()[0]
-        where = ".".join(str(part) for part in first["loc"]) or "the document"
+        where = place_of(first) or "the document"
         raise SettingsError(
             f"Expected {expected} in {path}, but at {where}: {misfit(first)}; correct the file."
         ) from error
@@ -245,6 +245,10 @@ def _pose(transform: _GuessTransform, where: str) -> tuple[FloatArray | None, Fl
     wrong = forms_contradict(turns, places)
     if wrong is not None:
         raise SettingsError(f"Expected one mounting in {where}, but {wrong}{LEAVE_ONE_OUT}; correct it.")
+    if any(np.abs(place).max() > FARTHEST_M for place in places.values()):
+        raise SettingsError(
+            f"Expected a translation of at most {FARTHEST_M:.0e} m in {where}, found a longer one; correct it."
+        )
     return next(iter(turns.values()), None), next(iter(places.values()), None)
 
 

@@ -28,6 +28,10 @@ LEAST_GRAVITY_M_S2, MOST_GRAVITY_M_S2 = 9.0, 10.0
 LARGEST_SEED = 2**53 - 1
 #: The largest time offset [s]: stamps are 64-bit nanoseconds, and epochs no further apart than 285 years.
 FARTHEST_S = 9e9
+#: The longest lever arm [m] that is one: far beyond any platform, and squares of it are still numbers.
+FARTHEST_M = 1e6
+#: The tightest prior: a nanoradian, a nanometre, a nanosecond. One over its square is still a number.
+TIGHTEST_STD = 1e-9
 
 
 class _Settings(BaseModel):
@@ -144,7 +148,7 @@ class Prior(_Settings):
         description="mean: of rx ry rz a turn [rad] from the initial guess's rotation, of tx ty tz the translation itself "
         "[m], of dt the time offset itself [s]"
     )
-    std: float = Field(gt=0, description="standard deviation, in the unit of value")
+    std: float = Field(ge=TIGHTEST_STD, description="standard deviation, in the unit of value")
 
 
 # One flat record for both methods: its keys are the command line's options, the web form's fields and the document's

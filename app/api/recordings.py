@@ -8,6 +8,7 @@ from typing import Annotated
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.sse import EventSourceResponse
 
+from app.schemas.common import LONGEST_NAME
 from app.schemas.recordings import ChangeRecording, NewShareLink, OpenRecording, Recording, ShareLink, Timeline
 from app.schemas.view import RecordingMessage
 from app.server.deps import RecordingDep, ServicesDep
@@ -36,7 +37,7 @@ def open_recording(services: ServicesDep, wish: OpenRecording) -> Recording:
 async def upload_recording(
     services: ServicesDep,
     request: Request,
-    name: Annotated[str, Query(min_length=1, max_length=200, examples=["room.bag"])],
+    name: Annotated[str, Query(min_length=1, max_length=LONGEST_NAME, examples=["room.bag"])],
 ) -> Recording:
     """Upload a recording in one request, for scripts: the body is the file. Browsers use /api/uploads (tus)."""
     return await services.arrivals.receive(name, request)

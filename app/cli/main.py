@@ -20,9 +20,14 @@ from app.cli.commands import COMMANDS, AuditFailed, Refused
 from app.cli.parser import build_parser
 from app.cli.usage import UsageError
 from app.process import forget_stdout, keep_freed_memory, leave, say_nothing_of_numbers
-from calib_core.errors import Cancelled, InputError
+from calib_core.errors import Cancelled, InputError, is_for_want_of_room
 
 EXIT_DONE, EXIT_FAILED, EXIT_INPUT, EXIT_REFUSED, EXIT_DEFECT, EXIT_INTERRUPTED = 0, 1, 2, 3, 4, 130
+
+FULL_DISK = (
+    "Expected room for what is written, but the disk is full; free some space, choose another place for the output, or point "
+    "TMPDIR at a disk with room for what is kept meanwhile."
+)
 
 
 def main() -> None:
@@ -60,8 +65,19 @@ def run(arguments: Sequence[str]) -> int:
         forget_stdout()
         return EXIT_DONE
     except Exception as error:  # noqa: BLE001  the last stop before a traceback would reach a user
-        return _fail(EXIT_DEFECT, "defect", _with_notes(_defect_sentence(error), error), log_json=log_json)
+        return _fail_unexpectedly(error, log_json=log_json)
     return EXIT_DONE
+
+
+def _fail_unexpectedly(error: Exception, *, log_json: bool) -> int:
+    """What nobody has made a sentence of: a disk that is full, met wherever something is written, or a defect."""
+    if not is_for_want_of_room(error):
+        return _fail(EXIT_DEFECT, "defect", _with_notes(_defect_sentence(error), error), log_json=log_json)
+    try:
+        sys.stdout.flush()
+    except OSError:  # it is what took no more
+        forget_stdout()
+    return _fail(EXIT_INPUT, "disk.full", _with_notes(FULL_DISK, error), log_json=log_json)
 
 
 def _attach_negative_values(arguments: Sequence[str]) -> list[str]:
@@ -81,7 +97,7 @@ def _fail(exit_code: int, code: str, text: str, *, log_json: bool) -> int:
     sentence = " ".join(text.split())
     sentence = sentence[:1].upper() + sentence[1:].rstrip(".") + "."
     line = json.dumps({"event": "error", "code": code, "text": sentence}) if log_json else f"unsweep: {sentence}"
-    with suppress(BrokenPipeError):
+    with suppress(OSError):  # nobody reads it any more, or it takes no more
         sys.stderr.write(line + "\n")
         sys.stderr.flush()
     return exit_code

@@ -13,7 +13,7 @@ from app.children import stay_with
 from app.fleet.orders import FleetOrder, FleetOutcome, out_of_memory
 from app.limits import bound_allocations, is_for_want_of_memory
 from app.process import keep_freed_memory, leave, say_nothing_of_numbers
-from calib_core.errors import UnsweepError
+from calib_core.errors import UnsweepError, is_for_want_of_room
 
 FleetFunction = Callable[[FleetOrder], str]
 
@@ -46,6 +46,9 @@ def perform(order: FleetOrder, entry: str) -> FleetOutcome:
             return out_of_memory(order)
         if isinstance(error, UnsweepError):
             return FleetOutcome(code=error.code, text=str(error))
+        if is_for_want_of_room(error):
+            text = f"There was no room to write while {order.recording.name} was calibrated; free some space, then run it again."
+            return FleetOutcome(code="disk.full", text=text)
         said = " ".join(str(error).split())
         text = (
             f"A defect in unsweep stopped it at {order.recording} ({type(error).__name__}: {said}); please report it."

@@ -7,12 +7,9 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from app.recordings.folder import is_recording_file, is_recording_folder
-from app.storage.files import SUFFIXES
+from calib_core import api
 from calib_core.errors import InputError
 from calib_core.phrasing import counted
-
-_COMPRESSED = (".gz", ".zst", ".zstd")
 
 
 def find_recordings(source: Path) -> list[Path]:
@@ -24,10 +21,10 @@ def find_recordings(source: Path) -> list[Path]:
     as recordings are, is no list.
     """
     if source.is_dir():
-        found = [source] if is_recording_folder(source) else list(_below(source))
-    elif source.exists() and not is_recording_file(source):
+        found = [source] if api.is_recording_folder(source) else list(_below(source))
+    elif source.exists() and not api.is_recording_file(source):
         found = list(_listed(source, source.parent if source.is_file() else Path.cwd()))
-        if found and not any(os.path.lexists(path) or path.name.lower().endswith(SUFFIXES) for path in found):
+        if found and not any(os.path.lexists(path) or api.recording_suffix(path.name) for path in found):
             raise InputError(
                 f"Expected a list with a path a line in {source}, but none of its {counted(len(found), 'line')} leads "
                 f"anywhere or is called as recordings are, the first to {found[0]}; correct the paths, or the name of the list."
@@ -40,7 +37,8 @@ def find_recordings(source: Path) -> list[Path]:
         )
     if not found:
         raise InputError(
-            f"Expected recordings in {source}, but found none: .bag, .mcap, .db3 and ROS 2 folders are looked for."
+            f"Expected recordings in {source}, but found none: looked for were ROS 2 folders and names that end in "
+            f"{api.recording_names()}."
         )
     return _each_once(path.absolute() for path in found)
 
@@ -72,7 +70,7 @@ def _walked(folder: Path, entered: set[str], links: list[Path]) -> Iterator[Path
     for child in sorted(folder.iterdir()):
         if child.name.startswith("."):
             continue
-        if is_recording_file(child) or is_recording_folder(child) or _leads_nowhere(child):
+        if api.is_recording_file(child) or api.is_recording_folder(child) or _leads_nowhere(child):
             yield child
         elif child.is_symlink() and child.is_dir():
             links.append(child)
@@ -82,7 +80,7 @@ def _walked(folder: Path, entered: set[str], links: list[Path]) -> Iterator[Path
 
 def _leads_nowhere(child: Path) -> bool:
     """Whether it is a link of a recording's name to what is not there."""
-    return child.is_symlink() and not child.exists() and child.name.lower().endswith(SUFFIXES)
+    return child.is_symlink() and not child.exists() and api.recording_suffix(child.name) != ""
 
 
 def _listed(source: Path, folder: Path) -> Iterator[Path]:
@@ -116,5 +114,5 @@ def document_names(recordings: Iterable[Path], kept: Mapping[Path, str]) -> dict
 
 
 def _stem(path: Path) -> str:
-    inner = path.with_suffix("") if path.suffix.lower() in _COMPRESSED else path
-    return inner.stem or path.name
+    suffix = api.recording_suffix(path.name)
+    return (path.name[: -len(suffix)] if suffix else path.stem) or path.name

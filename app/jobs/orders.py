@@ -47,7 +47,10 @@ class StoredRequest(_Parcel):
     planes: tuple[OrderedPlane, ...] | None = None
     read_settings: ReadSettings | None = Field(
         default=None,
-        description="of a solve, how its recording was read, which its planes and spans are of; None: unknown",
+        description="how the recording was read then, which a solve's planes and spans are of; None: unknown",
+    )
+    source_stamp: str = Field(
+        default="", description="what the recording's source was then; '' is unknown, or the only one"
     )
     audit: NewAudit | None = None
     surface_of: RecordId | None = Field(default=None, description="the solve whose room a surface is laid through")
@@ -79,6 +82,9 @@ class Order(_Parcel):
     )
     scenario: str = ""
     read_settings: ReadSettings = ReadSettings()
+    source_stamp: str = Field(
+        default="", description="of the source that is meant; '' where nobody else can replace it"
+    )
     request: StoredRequest = StoredRequest()
     limits: JobLimits | None = Field(default=None, description="None: as much as there is")
 

@@ -127,7 +127,9 @@ class JobService:
         """The job's messages after `last_event_id`, as server-sent events, until its final state."""
         journal = await to_thread.run_sync(self._states.journal, job_id)
         last = number_of(last_event_id)
-        async for number, line in journal.follow(0 if last is None else last + 1):
+        # A number that was never given out, or of a log that has lost its end on a full disk: all is told again.
+        start = 0 if last is None or last >= journal.end else last + 1
+        async for number, line in journal.follow(start):
             # Already JSON: FastAPI passes a ServerSentEvent on as it is; the annotation documents its data.
             yield cast(JobMessage, ServerSentEvent(raw_data=line, id=str(number)))
 

@@ -73,7 +73,7 @@ def _perform(entry: str, order: Order, pipe: Connection, cancel: ProcessEvent) -
         if isinstance(error, UnsweepError):
             on_event.flush()
             return Failed(error=_told(order, error))
-        if isinstance(error, OSError) and (facts := full_disk(error)) is not None:
+        if (facts := full_disk(error)) is not None:
             return Failed(error=facts)
         traceback.print_exc()
         text = (

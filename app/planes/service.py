@@ -34,6 +34,8 @@ from calib_core.doctor.report import DoctorReport
 from calib_core.types import FloatArray, PlaneProposals
 
 DOCUMENT = "planes"
+#: The code of a refusal: there are no planes yet.
+NOT_PROPOSED = "planes.not_proposed"
 
 #: Clouds kept in memory between two clicks.
 KEPT_PROPOSALS = 4
@@ -120,7 +122,9 @@ class PlaneService:
         """
         try:
             proposals, history = self.current(recording_id)
-        except Conflict:
+        except Conflict as error:
+            if error.code != NOT_PROPOSED:
+                raise
             return None
         planes = history.current
         proposed = frozenset(_unnamed(patch) for patch in suggested(proposals).patches)
@@ -249,7 +253,7 @@ class PlaneService:
             if discard(folder):  # there was something, and it was not whole: it is found again
                 with self._lock:
                     self._damaged[recording_id] = record
-            raise Conflict("planes.not_proposed", "The planes of this recording have not been found yet.") from None
+            raise Conflict(NOT_PROPOSED, "The planes of this recording have not been found yet.") from None
         with self._lock:
             self._proposals[cached] = proposals  # at the end: the one used last
             while len(self._proposals) > KEPT_PROPOSALS:

@@ -195,6 +195,7 @@ class Arrivals:
             end_bytes,
             checksum,
             admit=(lambda reach_bytes: self._admit(record.id, reach_bytes)) if grows else None,
+            begins=record.id in self._admitted,
         )
         reached = await self._inbox.receive(record.id, receive, part)
         if reached == record.size_bytes:

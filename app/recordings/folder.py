@@ -7,8 +7,9 @@ from pathlib import Path
 
 from app.errors import NotFound, Refused
 from app.schemas.recordings import FolderEntry, FolderListing
-from app.storage.files import SUFFIXES
 from app.storage.sizes import tree_size
+from calib_core import api
+from calib_core.errors import UnreadableRecording
 
 
 class RecordingsFolder:
@@ -47,19 +48,34 @@ class RecordingsFolder:
         return FolderListing(path=_below(folder, root), parent=parent, entries=entries, links_out=links_out)
 
     def recording(self, path: str) -> Path:
-        """The recording at `path` below the root: a bag file or a ROS 2 bag folder."""
-        _, found = self._within(path)
+        """The recording at `path` below the root: a file, or a folder whose files are one recording's and stay below the root."""
+        root, found = self._within(path)
         try:
-            there = is_recording_file(found) or is_recording_folder(found)
+            files = api.recording_files(found) if found.is_dir() else [found] if api.is_recording_file(found) else []
+        except UnreadableRecording as error:
+            raise NotFound("folder.no_recording", str(error)) from error
         except OSError:
-            there = False
-        if not there:
+            files = []
+        if not files:
             raise NotFound(
                 "folder.no_recording",
-                f"Expected a bag file or a ROS 2 bag folder at {path[:80]!r} in the recordings folder, found none; "
-                "choose an entry marked as a recording.",
+                f"Expected a recording at {path[:80]!r} in the recordings folder, a bag's folder or a file that ends in "
+                f"{api.recording_names()}, found none; choose an entry marked as a recording.",
             )
+        for file in files:
+            if not _stays(file, root):
+                raise Refused(
+                    "folder.outside",
+                    f"{file.name[:80]!r} in {path[:80]!r} is a link that leads out of the recordings folder; put the file itself "
+                    "there.",
+                )
         return found
+
+    def require_inside(self, source: Path) -> None:
+        """Raise Refused or NotFound where what was opened leads out of the folder by now, or holds no recording any more."""
+        below = self.path_of(source)
+        if below is not None:
+            self.recording(below)
 
     def path_of(self, source: Path) -> str | None:
         """Where a recording is below the root, as whoever opened it chose it; None where no such folder is offered now."""
@@ -78,16 +94,6 @@ class RecordingsFolder:
         if not found.is_relative_to(self._root):
             raise Refused("folder.outside", f"{path[:80]!r} leads out of the recordings folder; stay inside it.")
         return self._root, found
-
-
-def is_recording_file(path: Path) -> bool:
-    """Whether the file's name is one of a recording."""
-    return path.is_file() and path.name.lower().endswith(SUFFIXES)
-
-
-def is_recording_folder(path: Path) -> bool:
-    """Whether the folder is a ROS 2 bag."""
-    return path.is_dir() and (path / "metadata.yaml").is_file()
 
 
 def is_text(path: Path) -> bool:
@@ -120,9 +126,9 @@ def _entry(child: Path, root: Path) -> FolderEntry | None:
     if not is_text(child):  # nobody could ask for it by a name that is none
         name = os.fsencode(child.name).decode("utf-8", "replace")
         return FolderEntry(name=name, path=name, kind="file", size_bytes=0)
-    if is_recording_file(child):
+    if api.is_recording_file(child):
         return FolderEntry(name=child.name, path=_below(child, root), kind="recording", size_bytes=child.stat().st_size)
-    if is_recording_folder(child):
+    if api.is_recording_folder(child) and all(_stays(file, root) for file in child.iterdir()):
         return FolderEntry(name=child.name, path=_below(child, root), kind="recording", size_bytes=tree_size(child))
     if child.is_dir():
         return FolderEntry(name=child.name, path=_below(child, root), kind="folder", size_bytes=0)

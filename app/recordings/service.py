@@ -22,9 +22,9 @@ from app.recordings.kept_report import verdict_of
 from app.recordings.timeline import make_timeline
 from app.schemas.common import ErrorFacts
 from app.schemas.recordings import ChangeRecording, OpenRecording, Origin, Recording, RecordingState, Timeline
-from app.storage.files import DataFolder, display_name
+from app.storage.files import DataFolder, shown_name
 from app.storage.records import RecordingChanges, RecordingRecord
-from app.storage.sizes import tree_size
+from app.storage.sizes import source_stamp, tree_size
 from app.storage.store import DocumentStore, RecordingStore
 from calib_core import api
 from calib_core.doctor.report import DoctorReport
@@ -102,6 +102,7 @@ class RecordingService:
             )
 
     def _wire(self, record: RecordingRecord) -> Recording:
+        state, error = self._standing(record)
         return Recording(
             id=record.id,
             name=record.name,
@@ -109,8 +110,8 @@ class RecordingService:
             size_bytes=record.size_bytes,
             received_bytes=self.received_bytes(record),
             origin=record.origin,
-            state=record.state,
-            error=None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json),
+            state=state,
+            error=error,
             read_settings=ReadSettings.model_validate_json(record.read_settings_json),
             report=None if record.report_json is None else DoctorReport.model_validate_json(record.report_json),
             has_planes=self._has_planes(record),
@@ -119,6 +120,17 @@ class RecordingService:
             latest_answer=self._jobs.latest_answer(record.id),
             verdict=verdict_of(record),
         )
+
+    def _standing(self, record: RecordingRecord) -> tuple[RecordingState, ErrorFacts | None]:
+        """The recording's state and why: one whose source is not what was inspected is of no use before it is inspected again."""
+        if record.state in {"ready", "failed"}:
+            try:
+                self._files.cache_key(record)
+            except Conflict as changed:
+                return "failed", ErrorFacts(code=changed.code, text=str(changed))
+            except NotFound:
+                pass  # told when it is needed: a disk may come back
+        return record.state, None if record.error_json is None else ErrorFacts.model_validate_json(record.error_json)
 
     def _note_of(self, record: RecordingRecord) -> str:
         try:
@@ -144,6 +156,7 @@ class RecordingService:
         if wish.folder_path is not None:
             path = self._folder.recording(wish.folder_path)
             record = new_record(path.name, "folder", source=str(path), size_bytes=tree_size(path), state="inspecting")
+            record = replace(record, source_stamp=source_stamp(path))
             self._store.add(record)
             self._bus.publish(RecordingArrived(record))
             return self.wire(self.get(record.id))
@@ -163,11 +176,13 @@ class RecordingService:
         """The recording renamed or to be read another way; in the latter case it is inspected again."""
         wanted = change.model_dump(exclude_unset=True, exclude={"name", "note"})
         if change.name is not None:
-            self._store.change(record.id, {"name": display_name(change.name)})
+            self._store.change(record.id, {"name": _name_of(change.name)})
         if change.note is not None:
             self._documents.write(record.id, NOTE, json.dumps(change.note.strip()))
         if self._merged(record, wanted) != reading_of(record):
             require_arrived(record, "change it")
+            if self._files.has_changed(record):
+                self._folder.require_inside(self._files.source(record))
             self._jobs.stop_all_of(record.id)
             self._bus.publish(RecordingArrived(self._read_otherwise(record, wanted)))
         self._bus.publish(RecordingEdited(record.id))
@@ -181,6 +196,7 @@ class RecordingService:
                 "read_settings_json": settings_json,
                 "state": "inspecting",
                 "error_json": None,
+                **self._files.as_it_is_now(record),
             }
             as_read: RecordingChanges = {"read_settings_json": record.read_settings_json}
             done = self._store.change(record.id, changes, where=as_read)
@@ -225,6 +241,16 @@ class RecordingService:
                 "recording.span", f"The time span starts at {after.start_s} s and ends at {after.end_s} s; swap them."
             )
         return after
+
+
+def _name_of(wanted: str) -> str:
+    """The name that a person gives a recording; a slash is a letter of it."""
+    name = shown_name(wanted)
+    if not name:
+        raise BadRequest(
+            "recording.name", "Expected a name that can be seen, but found none; give at least one letter."
+        )
+    return name
 
 
 def new_record(name: str, origin: Origin, *, source: str, size_bytes: int, state: RecordingState) -> RecordingRecord:

@@ -78,6 +78,10 @@ class ResultService:
         self._path_of(job)
         path = self._files.job(job.id) / "scans.json"
         if not path.is_file():
+            if self.document(job).status == "refused":
+                raise Conflict(
+                    "result.no_answer", "The solve was refused, so there is no motion to judge the scans by."
+                )
             raise Conflict("result.no_scans", "This run did not measure its scans one by one; solve again to see them.")
         return _read(path, ScanQuality.model_validate_json)
 

@@ -42,8 +42,10 @@ ID_PATTERN = f"^{ID_DIGITS}$"
 ID_EXAMPLE = "5f0c6c9be0b24d9f8c1be9ad0a2f1f0e"
 RecordId = Annotated[str, Field(pattern=ID_PATTERN, examples=[ID_EXAMPLE])]
 
+#: The longest name in a request.
+LONGEST_NAME = 1000
 #: What a file calls something of its own, as a topic. No format has longer ones, and they are in every list of recordings.
-NameInFile = Annotated[str, Field(max_length=1000)]
+NameInFile = Annotated[str, Field(max_length=LONGEST_NAME)]
 
 #: Added to IMU stamps; as far as the library takes one, in a file too.
 OffsetSeconds = Annotated[float, Field(ge=-FARTHEST_S, le=FARTHEST_S)]

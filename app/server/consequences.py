@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from app.jobs.state_machine import FINAL, SENTENCES
-from app.jobs.stored_parts import MOST_INTERRUPTIONS, begins_again, error_of, outcome_of
+from app.jobs.stored_parts import MOST_INTERRUPTIONS, begins_again, error_of, outcome_of, request_of
 from app.schemas.common import ErrorFacts
 from app.schemas.jobs import JobKind, JobState, SimulateOutcome
 from app.schemas.recordings import RecordingState
 from app.storage.files import DataFolder
 from app.storage.records import JobRecord, RecordingChanges
 from app.storage.store import JobStore
+from calib_core.settings import ReadSettings
 
 #: Only these matter to the state of a recording: it is made, and it is looked at.
 TELLING: frozenset[JobKind] = frozenset({"simulate", "inspect"})
@@ -47,6 +48,8 @@ class Consequences:
             return {}
         if begins_again(job, self._jobs.of_recording(job.recording_id)):
             return {"state": state_after(job.kind, "queued"), "error_json": None}
+        if job.state == "cancelled" and job.kind == "inspect" and (earlier := self._told_before(job)) is not None:
+            return self._inspected(earlier)
         state = state_after(job.kind, job.state)
         if job.state == "interrupted":
             return {"state": state, "error_json": KEEPS_STOPPING.model_dump_json()}
@@ -56,7 +59,7 @@ class Consequences:
         if job.state != "done":
             return {"state": state, "error_json": None}
         if job.kind == "inspect":
-            return self._inspected(job, state)
+            return self._inspected(job)
         made = outcome_of(job)
         sizes: RecordingChanges = {"size_bytes": made.size_bytes} if isinstance(made, SimulateOutcome) else {}
         return {"state": state, "error_json": None, **sizes}
@@ -68,9 +71,22 @@ class Consequences:
         others = self._jobs.of_recording(job.recording_id)
         return any(other.kind == job.kind and other.sequence > job.sequence for other in others)
 
-    def _inspected(self, job: JobRecord, state: RecordingState) -> RecordingChanges:
+    def _told_before(self, job: JobRecord) -> JobRecord | None:
+        """The inspection whose report holds still, now that this one was stopped: of the same bytes, read in the same way."""
+        asked = _of_what(job)
+        earlier = (one for one in self._jobs.of_recording(job.recording_id) if one.sequence < job.sequence)
+        done = (one for one in earlier if one.kind == "inspect" and one.state == "done" and _of_what(one) == asked)
+        return None if asked is None else next(done, None)
+
+    def _inspected(self, job: JobRecord) -> RecordingChanges:
         try:
             report_json = (self._files.job(job.id) / "report.json").read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError):
             return {"state": "failed", "error_json": REPORT_LOST.model_dump_json()}
-        return {"state": state, "error_json": None, "report_json": report_json}
+        return {"state": "ready", "error_json": None, "report_json": report_json}
+
+
+def _of_what(job: JobRecord) -> tuple[ReadSettings, str] | None:
+    """How a job reads its recording, and of which source; None where an earlier version did not keep that."""
+    request = request_of(job)
+    return None if request.read_settings is None else (request.read_settings, request.source_stamp)

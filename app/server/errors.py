@@ -12,11 +12,11 @@ from fastapi.responses import JSONResponse
 from sqlalchemy.exc import SQLAlchemyError
 from starlette.exceptions import HTTPException
 
-from app.errors import ApiError, DiskFull, TooMany, Unavailable, facts_of
+from app.errors import ApiError, TooMany, Unavailable, facts_of
 from app.schemas.common import ErrorBody, ErrorDetails, ErrorFacts
 from app.settings import AppSettings
-from calib_core.errors import DISK_FULL, UnsweepError
-from calib_core.validation_messages import misfit
+from calib_core.errors import UnsweepError, is_for_want_of_room
+from calib_core.validation_messages import misfit, place_of
 
 _LOG = logging.getLogger("unsweep")
 
@@ -29,22 +29,12 @@ def facts_of_request(error: Exception) -> tuple[int, ErrorFacts]:
         return (404 if all(problem["loc"][0] == "path" for problem in error.errors()) else 422), facts
     if isinstance(error, HTTPException):
         return error.status_code, _http_facts(error)
-    if isinstance(error, SQLAlchemyError) or (isinstance(error, OSError) and error.errno in DISK_FULL):
-        error = storage_error(error)
-    return facts_of(error)
-
-
-def storage_error(error: SQLAlchemyError | OSError) -> ApiError:
-    """What the store's or the disk's own complaint means to a person: no defect of the program."""
-    cause = str(getattr(error, "orig", None) or error)
-    if isinstance(error, OSError) or "disk is full" in cause:
-        return DiskFull(
-            "disk.full", "The server's disk is full: delete recordings that are not needed, then try again."
+    if isinstance(error, SQLAlchemyError) and not is_for_want_of_room(error):
+        error = Unavailable(
+            "store.unusable",
+            "The server's record store cannot be read or written just now; whoever runs it finds the cause in its log.",
         )
-    return Unavailable(
-        "store.unusable",
-        "The server's record store cannot be read or written just now; whoever runs it finds the cause in its log.",
-    )
+    return facts_of(error)
 
 
 def without_paths(text: str, settings: AppSettings) -> str:
@@ -56,7 +46,7 @@ def without_paths(text: str, settings: AppSettings) -> str:
 
 
 def _invalid_request(error: RequestValidationError) -> ErrorFacts:
-    places = [".".join(str(part) for part in problem["loc"]) for problem in error.errors()]
+    places = [place_of(problem) for problem in error.errors()]
     reasons = "; ".join(f"{place}: {misfit(problem)}" for place, problem in zip(places, error.errors(), strict=True))
     return ErrorFacts(
         code="request.invalid",

@@ -6,7 +6,6 @@ from app.axes import AXIS_NAMES
 from app.planes.operations import MERGE_OFFERED_DEG, MERGE_OFFERED_M
 from app.schemas.recordings import Sample, ServerFacts, UsualNumbers, WeakLimits
 from app.schemas.view import LARGEST_POINTS, SMALLEST_POINTS
-from app.storage.files import SUFFIXES
 from calib_core import __version__, api
 from calib_core.presets import IMU_PRESETS, LIDAR_PRESETS
 from calib_core.result import WEAK_DEG, WEAK_M, WEAK_S
@@ -34,7 +33,7 @@ def server_facts(*, max_upload_bytes: int, recordings_folder: bool) -> ServerFac
         version=__version__,
         recordings_folder=recordings_folder,
         max_upload_bytes=max_upload_bytes,
-        upload_suffixes=list(SUFFIXES),
+        upload_suffixes=list(api.recording_suffixes()),
         export_formats=list(api.export_names()),
         limits=WeakLimits(rotation_deg=WEAK_DEG, translation_m=WEAK_M, time_offset_s=WEAK_S),
         usual=usual_numbers(),

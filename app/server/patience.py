@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from typing import cast
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from app.schemas.common import ErrorFacts
+from app.server.errors import body_of
 
 #: A request's head is a few kilobytes; on the slowest line it is here in a second.
 HEAD_TIMEOUT_S = 15.0
@@ -30,6 +34,16 @@ class PatientH11(H11Protocol):
             self._wait()
         else:
             self._stop_waiting()
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no HTTP, or has a head without end, in the one error body."""
+        text = f"Expected a request of HTTP/1.1 with a head of ordinary length; {msg[:1].lower()}{msg[1:]}"
+        body = json.dumps(body_of(ErrorFacts(code="http.400", text=text))).encode()
+        headers = [(b"content-type", b"application/json"), (b"content-length", str(len(body)).encode())]
+        answer = h11.Response(status_code=400, headers=[*headers, (b"connection", b"close")], reason=b"Bad Request")
+        for event in (answer, h11.Data(data=body), h11.EndOfMessage()):
+            self.transport.write(self.conn.send(event) or b"")
+        self.transport.close()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Wait no more."""

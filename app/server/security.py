@@ -25,7 +25,7 @@ from starlette.datastructures import Headers
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import ApiError, Refused, TooLarge, Unauthorised
+from app.errors import ApiError, HeadTooLarge, Refused, TooLarge, Unauthorised
 from app.jobs.asking import ASKING
 from app.schemas.common import ID_DIGITS
 from app.server import sessions, share
@@ -40,6 +40,8 @@ SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 OPEN_PATHS = frozenset({"/healthz", "/readyz"})
 #: Requests whose body is a recording or a part of one: their own limits hold (app/uploads). Anything else is bounded.
 UPLOADS = re.compile(rf"POST /api/uploads|PATCH /api/uploads/{ID_DIGITS}|PUT /api/recordings/upload", re.ASCII)
+#: The longest head of a request, all its headers: a long path and a cookie fit many times.
+MAX_HEAD_BYTES = 2**15
 #: The next part of a small body has to be here within this.
 BODY_PATIENCE_S = 30.0
 #: A token of so many characters, as those that the server makes, is out of reach of guessing at any rate, and whoever shows it
@@ -90,16 +92,23 @@ class Gatekeeper:
         if scope["type"] == "http" and (answer := self._begin(scope, headers, visitor)) is not None:
             await answer(scope, receive, send)
             return
-        if scope["type"] == "http" and not _is_upload(scope):
-            receive = self._bounded(receive)
         kept = [(name, value) for name, value in scope["headers"] if not name.lower().startswith(DROPPED)]
         state = {**scope.get("state", {}), "shared": visitor.shared}
         ASKING.set(visitor.name)
-        await self._app(dict(scope, headers=kept, state=state), receive, send)
+        scope = dict(scope, headers=kept, state=state)
+        if scope["type"] == "http" and not _is_upload(scope):
+            await self._bounded(scope, receive, send)
+        else:
+            await self._app(scope, receive, send)
 
     def _check(self, scope: Scope, headers: Headers) -> _Visitor:
         if self._settings.is_loopback():
             check_host(headers.get("host", ""))
+        if sum(len(name) + len(value) for name, value in scope["headers"]) > MAX_HEAD_BYTES:
+            raise HeadTooLarge(
+                "request.head_too_large",
+                f"A request's headers may have {MAX_HEAD_BYTES} bytes; send fewer or shorter ones.",
+            )
         visitor = _Visitor(_address(scope))
         if scope["path"] not in OPEN_PATHS:
             visitor = self._check_token(scope, headers)
@@ -208,9 +217,18 @@ class Gatekeeper:
             response = onward(_with_query("/" + scope["path"].lstrip("/\\"), query))
         await response(scope, receive, send)
 
-    def _bounded(self, receive: Receive) -> Receive:
-        """What receives a body, and refuses it once it is longer than allowed, whatever its headers said, or does not come."""
-        taken, ended = 0, False
+    async def _bounded(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass on with a body that is refused once it is longer than allowed, whatever its headers said, or does not come.
+
+        Whatever the framework makes of a body that breaks off, the answer is the refusal.
+        """
+        taken, ended, answered = 0, False, False
+        refusal: TooLarge | None = None
+
+        def refused(error: TooLarge) -> TooLarge:
+            nonlocal refusal
+            refusal = error
+            return error
 
         async def take() -> Message:
             nonlocal taken, ended
@@ -219,17 +237,28 @@ class Gatekeeper:
             try:
                 message = await asyncio.wait_for(receive(), BODY_PATIENCE_S)
             except TimeoutError:
-                raise TooLarge(
-                    "request.too_slow",
-                    f"The request's body did not come within {BODY_PATIENCE_S:.0f} s; send it again.",
-                ) from None
+                raise refused(self._too_slow()) from None
             ended = not message.get("more_body", False)
             taken += len(message.get("body", b""))
             if taken > self._settings.max_body_bytes:
-                raise self._too_large()
+                raise refused(self._too_large())
             return message
 
-        return take
+        async def give(message: Message) -> None:
+            nonlocal answered
+            if refusal is None or answered:
+                answered = True
+                await send(message)
+
+        await self._app(scope, take, give)
+        if refusal is not None and not answered:
+            await error_response(refusal)(scope, receive, send)
+
+    def _too_slow(self) -> TooLarge:
+        return TooLarge(
+            "request.too_slow",
+            f"The request's body did not come within {BODY_PATIENCE_S:.0f} s; send it again.",
+        )
 
     def _too_large(self) -> TooLarge:
         return TooLarge(

@@ -89,7 +89,9 @@ class Services:
             displayed_points=settings.displayed_points,
         )
         self.scenes = SceneHub(recording_store, documents, self.planes, self._composer, bus, settings=settings)
-        self.workflow = Workflow(recording_store, self.files, self.jobs, self.planes, self.feed, bus, self.sources)
+        self.workflow = Workflow(
+            recording_store, self.files, self.jobs, self.planes, self.feed, bus, self.sources, self.folder
+        )
         self._subscribe(bus)
 
     def start(self) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Collection
 from contextlib import suppress
+from dataclasses import replace
 
 from pydantic import ValidationError
 
@@ -14,9 +15,10 @@ from app.events import JobMoved, JobSaid, RecordingArrived, SampleWanted, ShownC
 from app.jobs.orders import READING, Order, StoredRequest
 from app.jobs.service import JobService
 from app.jobs.state_machine import FINAL
-from app.jobs.stored_parts import UNREADABLE, begins_again, readable_request, request_of
+from app.jobs.stored_parts import BY_ITSELF, UNREADABLE, begins_again, readable_request, request_of
 from app.limits import JobLimits
 from app.planes.service import PlaneService
+from app.recordings.folder import RecordingsFolder
 from app.recordings.service import reading_of, require_arrived
 from app.results.extrinsic_text import parse_extrinsic
 from app.scene.sources import SceneSources
@@ -26,7 +28,7 @@ from app.schemas.view import JobChanged, RecordingChanged, View
 from app.server.consequences import TELLING
 from app.server.feed import RecordingFeed
 from app.storage.files import DataFolder
-from app.storage.records import JobRecord, RecordingRecord
+from app.storage.records import JobRecord, RecordingChanges, RecordingRecord
 from app.storage.store import RecordingStore
 from app.work.functions import PROPOSED, REPORTED, meant_guess
 from app.work.head import CLOUD
@@ -55,7 +57,7 @@ class Orders:
         request = readable_request(job)
         if request is None:
             raise Conflict(UNREADABLE.code, UNREADABLE.text)
-        _require_same_reading(request, record)
+        _require_same_reading(job.kind, request, record)
         return Order(
             job_id=job.id,
             kind=job.kind,
@@ -67,6 +69,7 @@ class Orders:
             unpacked=self._files.unpacked(record.id),
             scenario=record.scenario,
             read_settings=reading_of(record) or ReadSettings(),
+            source_stamp=record.source_stamp,
             request=request,
             limits=self._limits,
         )
@@ -84,6 +87,7 @@ class Workflow:
         feed: RecordingFeed,
         bus: Bus,
         sources: SceneSources,
+        folder: RecordingsFolder,
     ) -> None:
         self._recordings = recordings
         self._files = files
@@ -92,6 +96,7 @@ class Workflow:
         self._feed = feed
         self._bus = bus
         self._sources = sources
+        self._folder = folder
         bus.subscribe(JobMoved, lambda event: self.job_changed(event.record, event.job))
         bus.subscribe(JobSaid, lambda event: self.job_said(event.record, event.said))
         bus.subscribe(RecordingArrived, lambda event: self._arrived(event.record))
@@ -101,22 +106,27 @@ class Workflow:
         """A job somebody asked for."""
         require_arrived(record, "start the job")
         api.check_settings(wish.settings, meant_guess(wish.initial_guess))  # now, and not only when its turn has come
-        self._files.cache_key(record)  # refuses where the source is gone
+        if wish.kind == "inspect" and self._files.has_changed(record):
+            return self._inspect_another(record)
+        self._files.cache_key(record)  # refuses where the source is gone, or is another one
         self._jobs.check_room()
-        request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess)
+        request = StoredRequest(settings=wish.settings, initial_guess=wish.initial_guess).model_copy(
+            update=_as_read(record)
+        )
         if wish.kind == "solve":
-            of_reading = {"planes": self._planes.confirmed(record.id), "read_settings": reading_of(record)}
-            request = request.model_copy(update=of_reading)
+            request = request.model_copy(update={"planes": self._planes.confirmed(record.id)})
         return self._jobs.submit(record.id, wish.kind, request)
 
     def start_audit(self, record: RecordingRecord, wish: NewAudit) -> Job:
         """An audit somebody asked for. What is no extrinsic is refused at once; a URDF's links need the recording's frames."""
         require_arrived(record, "audit it")
         self._files.cache_key(record)
-        if not api.asks_for_frames(wish.extrinsic):
+        if api.asks_for_frames(wish.extrinsic):
+            api.check_urdf(wish.extrinsic)
+        else:
             parse_extrinsic(wish.extrinsic, wish.direction)
         self._jobs.check_room()
-        return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish, read_settings=reading_of(record)))
+        return self._jobs.submit(record.id, "audit", StoredRequest(audit=wish).model_copy(update=_as_read(record)))
 
     def see_to_surface(self, record: RecordingRecord, view: View) -> None:
         """Have the surface laid that a view asks for, once for each solve: one that failed is asked for by retrying."""
@@ -127,8 +137,10 @@ class Workflow:
             return
         if self._sources.surface_job(record, solved.job_id) is None:
             self._jobs.check_room()
-            of_solve = request_of(self._jobs.get(solved.job_id)).read_settings
-            request = StoredRequest(surface_of=solved.job_id, read_settings=of_solve)
+            of_solve = request_of(self._jobs.get(solved.job_id))
+            request = StoredRequest(
+                surface_of=solved.job_id, read_settings=of_solve.read_settings, source_stamp=of_solve.source_stamp
+            )
             self._jobs.submit(record.id, "surface", request)
 
     def retry(self, job: JobRecord) -> Job:
@@ -141,7 +153,11 @@ class Workflow:
         request = request.model_copy(update={"read_settings": request.read_settings or self._read_with(job)})
         record = self._recordings.find(job.recording_id)
         if record is not None:
-            _require_same_reading(request, record)
+            if job.kind == "inspect" and self._files.has_changed(record):
+                return self._inspect_another(record)
+            _require_same_reading(job.kind, request, record)
+            if job.kind in BY_ITSELF:
+                request = request.model_copy(update=_as_read(record))
         self._jobs.check_room()
         return self._jobs.submit(job.recording_id, job.kind, request, retry_of=job.id)
 
@@ -226,14 +242,39 @@ class Workflow:
             if kind not in but:
                 self._submit(record, kind)
 
+    def _inspect_another(self, record: RecordingRecord) -> Job:
+        """The inspection of what was put in the place of a recording's source. Its planes are looked for anew with it."""
+        self._folder.require_inside(self._files.source(record))
+        self._jobs.check_room()
+        self._jobs.stop_all_of(record.id)
+        anew: RecordingChanges = {"state": "inspecting", "error_json": None, **self._files.as_it_is_now(record)}
+        self._recordings.change(record.id, anew)
+        record = replace(record, **anew)
+        self._submit(record, "planes")
+        return self._jobs.submit(record.id, "inspect", StoredRequest().model_copy(update=_as_read(record)))
+
     def _submit(self, record: RecordingRecord, kind: JobKind) -> None:
-        self._jobs.submit(record.id, kind, StoredRequest())
+        self._jobs.submit(record.id, kind, StoredRequest().model_copy(update=_as_read(record)))
 
 
-def _require_same_reading(request: StoredRequest, record: RecordingRecord) -> None:
+def _as_read(record: RecordingRecord) -> dict[str, object]:
+    """Of which bytes, read how, a job is asked for."""
+    return {"read_settings": reading_of(record), "source_stamp": record.source_stamp}
+
+
+def _require_same_reading(kind: JobKind, request: StoredRequest, record: RecordingRecord) -> None:
     """Raises Conflict where a job was asked for of the recording as it was read earlier: a solve's planes are in the frame of a
-    scan that may be none any more, its spans count from another one; an audit's extrinsic may be of another lidar.
+    scan that may be none any more, its spans count from another one; an audit's extrinsic may be of another lidar. What begins by
+    itself looks at the recording as it is.
     """
+    if kind in BY_ITSELF:
+        return
+    if request.source_stamp not in {"", record.source_stamp}:
+        raise Conflict(
+            "job.read_otherwise",
+            "The recording's file was replaced since this job was asked for, so that its planes and spans, or its sensors, no "
+            "longer fit; start a new one.",
+        )
     if request.read_settings is not None and request.read_settings != reading_of(record):
         raise Conflict(
             "job.read_otherwise",

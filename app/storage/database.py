@@ -71,6 +71,7 @@ RECORDINGS = Table(
     Column("report_json", Text),
     Column("created_at", UtcTime, nullable=False),
     Column("file_name", String(200), nullable=False, server_default=""),
+    Column("source_stamp", String(32), nullable=False, server_default=""),
 )
 
 JOBS = Table(

@@ -1,7 +1,7 @@
 """Where files live. Every path is made of ids this program drew; nothing a user typed becomes a path.
 
 uploads/{recording}             bytes as they arrive, with their state beside them (partial.py)
-recordings/{recording}/source.bag      a finished upload or sample (suffix from SUFFIXES)
+recordings/{recording}/source.bag      a finished upload or sample (with the suffix that it came with)
 recordings/{recording}/cache/{key}/    arrays read from it; the key is a hash of all their inputs
 recordings/{recording}/unpacked/       what an archive holds, while jobs read it
 jobs/{job}/                     events.jsonl, worker.log, and what the job made
@@ -22,40 +22,40 @@ from app.settings import AppSettings
 from app.storage.atomic import write_text
 from app.storage.lock import sole_use
 from app.storage.partial import PartialFile
-from app.storage.records import RecordingRecord
-from app.storage.sizes import tree_size
+from app.storage.records import RecordingChanges, RecordingRecord
+from app.storage.sizes import source_stamp, tree_size
 from calib_core import api
 from calib_core.errors import InputError
-
-#: What a recording's file name may end in. The reader goes by the suffix, so it is kept, and only these are.
-SUFFIXES = (".bag", ".mcap", ".db3", ".zip", ".tar", ".tar.gz", ".tgz")
-
 
 #: Room for the store's transactions when the disk is full: a deletion writes a few pages of 4 KiB.
 RESERVE_BYTES = 8 * 2**20
 RESERVE_NAME = "reserve"
+#: The code of a refusal: what is read in place is another file than the one that was inspected.
+SOURCE_CHANGED = "recording.source_changed"
 #: Where the data directory was made, which the keys of its arrays are made of.
 PLACE_NAME = "place"
 
 
 def suffix_of(name: str) -> str:
-    """The allowed suffix of a user's file name."""
-    lowered = name.lower()
-    for suffix in SUFFIXES:
-        if lowered.endswith(suffix):
-            return suffix
-    raise BadRequest(
-        "upload.suffix",
-        f"A recording's name ends in one of {', '.join(SUFFIXES)}; {display_name(name)!r} does not: "
-        "choose a bag, or a bag's folder or archive.",
-    )
+    """The suffix of a user's file name, which is kept: the reader goes by it."""
+    suffix = api.recording_suffix(name)
+    if not suffix:
+        raise BadRequest(
+            "upload.suffix",
+            f"A recording's name ends in {api.recording_names()}; {display_name(name)!r} does not: choose a bag, or an "
+            "archive of a bag's folder.",
+        )
+    return suffix
 
 
 def display_name(name: str) -> str:
     """A user's file name as shown to people: its last part, without control characters, at most 200 long."""
-    last = name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]
-    shown = "".join(character for character in last if character.isprintable()).strip()
-    return shown[:200] or "recording"
+    return shown_name(name.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1]) or "recording"
+
+
+def shown_name(name: str) -> str:
+    """A name that a person gives, as it is shown: without control characters, at most 200 long; "" where nothing is left."""
+    return "".join(character for character in name if character.isprintable()).strip()[:200]
 
 
 class DataFolder:
@@ -155,10 +155,11 @@ class DataFolder:
         """A hash of everything the arrays depend on: the source's bytes (by size and time) and the read settings.
 
         A folder's own time says nothing of what is written into its files: those written since it was opened count too.
-        Conflict while there are no such bytes yet, NotFound where there are none any more.
+        Conflict while there are no such bytes yet or others than were inspected, NotFound where there are none any more.
         """
         source = self.source(record)
         try:
+            self._require_unchanged(record)
             stat = source.stat()
             inside = [(path.name, path.stat()) for path in sorted(source.iterdir())] if source.is_dir() else []
             opened_ns = int(record.created_at.timestamp() * 1e9)
@@ -175,6 +176,30 @@ class DataFolder:
         written = [(name, one) for name, one in inside if one.st_mtime_ns > opened_ns]
         inputs += "".join(f"|{name}|{one.st_size}|{one.st_mtime_ns}" for name, one in written)
         return hashlib.sha256(inputs.encode()).hexdigest()[:32]
+
+    def has_changed(self, record: RecordingRecord) -> bool:
+        """Whether what is read in place is another file or folder than the one that was inspected; False where it is gone."""
+        if record.origin != "folder" or not record.source_stamp:
+            return False
+        with suppress(OSError):
+            return source_stamp(self.source(record)) != record.source_stamp
+        return False
+
+    def as_it_is_now(self, record: RecordingRecord) -> RecordingChanges:
+        """The columns that tell what is there to inspect now, of a recording that is read in place; of others they stay."""
+        source = self.source(record)
+        if record.origin != "folder" or not source.exists():
+            return {}
+        return {"size_bytes": tree_size(source), "source_stamp": source_stamp(source)}
+
+    def _require_unchanged(self, record: RecordingRecord) -> None:
+        if self.has_changed(record):
+            raise Conflict(
+                SOURCE_CHANGED,
+                f"{record.name} was changed or replaced in the recordings folder since it was inspected: the report and the "
+                "planes are of the earlier one. Have it inspected again, which gives up what was chosen of the earlier one's "
+                "planes, or put that back.",
+            )
 
     def _named(self, record: RecordingRecord) -> Path:
         """The source as it was called where the data directory was made: a copy elsewhere has the same keys."""

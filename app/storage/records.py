@@ -15,6 +15,7 @@ class RecordingRecord:
     """One recording. `source` is a path: below the data directory for uploads and samples, absolute for folders.
 
     name: what people call it.   file_name: what it came as; "" where an earlier version did not keep that.
+    source_stamp: of a file or folder that is read in place, what it was when it was last inspected; "" where nobody looked.
     """
 
     id: str
@@ -29,6 +30,7 @@ class RecordingRecord:
     report_json: str | None
     created_at: datetime
     file_name: str = ""
+    source_stamp: str = ""
 
 
 class RecordingChanges(TypedDict, total=False):
@@ -40,6 +42,7 @@ class RecordingChanges(TypedDict, total=False):
     error_json: str | None
     read_settings_json: str
     report_json: str | None
+    source_stamp: str
 
 
 @dataclass(frozen=True, slots=True)

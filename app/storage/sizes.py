@@ -1,7 +1,8 @@
-"""How much a recording takes on disk. Apart from files.py, so that workers need not load a web framework for it."""
+"""How much a recording takes on disk, and whether it is what it was. Apart from files.py: workers need no web framework."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 from contextlib import suppress
 from pathlib import Path
@@ -17,3 +18,17 @@ def tree_size(path: Path) -> int:
             with suppress(OSError):  # gone while it was looked at
                 total += Path(folder, name).stat().st_size
     return total
+
+
+def source_stamp(path: Path) -> str:
+    """What tells a recording from another one that is put in its place: sizes and times, of a folder's files too.
+
+    Raises OSError where there is nothing.
+    """
+    seen = hashlib.sha256()
+    for one in [path, *(sorted(path.iterdir()) if path.is_dir() else ())]:
+        with suppress(FileNotFoundError):  # a link in the folder that leads nowhere
+            stat = one.stat()
+            seen.update(f"|{stat.st_size}|{stat.st_mtime_ns}|".encode() + os.fsencode(one.name))
+    path.stat()
+    return seen.hexdigest()[:32]

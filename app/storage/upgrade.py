@@ -13,7 +13,7 @@ from sqlalchemy import Connection
 from app.errors import Unavailable
 
 #: The newest revision in migrations/versions.
-HEAD = "0004"
+HEAD = "0005"
 MIGRATIONS = Path(__file__).with_name("migrations")
 
 

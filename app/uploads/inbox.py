@@ -17,7 +17,7 @@ from app.errors import ApiError, BadRequest, Conflict, DiskFull, NotFound, TooLa
 from app.storage.files import DataFolder
 from app.storage.partial import Appender
 from app.uploads.protocol import Checksum, TusError
-from calib_core.errors import NO_ROOM
+from calib_core.errors import is_for_want_of_room
 
 #: Bytes gathered before they are handed to a thread for writing.
 WRITE_BYTES = 4 * 2**20
@@ -39,7 +39,8 @@ class Part:
     """What a request brings: bytes from `offset_bytes` on, at most up to `end_bytes`.
 
     checksum: of this request's bytes.   admit: asked before bytes are written whether the upload may have so many;
-    None where all of them were promised when it was announced.
+    None where all of them were promised when it was announced.   begins: whether it comes with the announcement, of which
+    nothing is kept where it is cut.
     """
 
     name: str
@@ -47,6 +48,13 @@ class Part:
     end_bytes: int
     checksum: Checksum | None = None
     admit: Callable[[int], None] | None = None
+    begins: bool = False
+
+    @property
+    def advice(self) -> str:
+        """How to go on where not all of it came."""
+        again = "send it again, as nothing of it was kept; by /api/uploads it could go on"
+        return again if self.begins else "go on from the upload's offset"
 
 
 @dataclass(slots=True)
@@ -138,7 +146,7 @@ class Inbox:
                     raise _gone(part)
         except _Cut as cut:
             await self._keep(appender, part)
-            raise BadRequest("upload.cut", f"The request ended early ({cut}); go on from the upload's offset.") from cut
+            raise BadRequest("upload.cut", f"The request ended early ({cut}); {part.advice}.") from cut
         except OSError:
             await self._keep(appender, part)
             raise
@@ -208,13 +216,13 @@ def _gone(part: Part) -> ApiError:
 
 
 def _refusal(error: OSError, appender: Appender, part: Part) -> ApiError:
-    if error.errno in NO_ROOM:
+    if is_for_want_of_room(error):
         return DiskFull(
             "upload.disk_full",
             f"The data directory's disk is full after {appender.durable_bytes / 1e9:.2f} GB of {part.name}: "
-            "delete recordings, then go on with the upload.",
+            f"delete recordings, then {part.advice}.",
         )
     return Unavailable(
         "upload.write_failed",
-        f"{part.name} could not be written ({error.strerror}); see to the data directory's disk, then go on.",
+        f"{part.name} could not be written ({error.strerror}); see to the data directory's disk, then {part.advice}.",
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from starlette.datastructures import Headers
 
 from app.errors import ApiError, BadRequest
+from app.schemas.common import LONGEST_NAME
 
 VERSION = "1.0.0"
 EXTENSIONS = "creation,creation-with-upload,termination,expiration,checksum"
@@ -56,6 +57,10 @@ def announcement_of(headers: Headers) -> Announcement:
     metadata = _metadata(headers.get("upload-metadata", ""))
     if "filename" not in metadata:
         raise BadRequest("upload.no_name", "The upload has no name; send `filename` in Upload-Metadata.")
+    if len(metadata["filename"]) > LONGEST_NAME:
+        raise BadRequest(
+            "upload.name", f"The name of an upload may have {LONGEST_NAME} characters; send a shorter one."
+        )
     sha256 = metadata.get("sha256")
     if sha256 is not None and re.fullmatch(r"[0-9a-fA-F]{64}", sha256) is None:
         raise BadRequest("upload.sha256", "Expected 64 hexadecimal digits as `sha256` in Upload-Metadata; correct it.")

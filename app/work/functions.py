@@ -33,7 +33,7 @@ from app.results.verdict import solve_outcome
 from app.schemas.jobs import AuditOutcome, InspectOutcome, Outcome, PlanesOutcome, SimulateOutcome, SurfaceOutcome
 from app.schemas.jobs import InitialGuess as WireGuess
 from app.storage.atomic import whole_file
-from app.storage.sizes import tree_size
+from app.storage.sizes import source_stamp, tree_size
 from app.work.head import propose_from_head
 from calib_core import api
 from calib_core.doctor.report import DoctorReport
@@ -201,6 +201,11 @@ def decoded(order: Order, on_event: OnEvent, should_cancel: ShouldCancel) -> Rec
     except DamagedArrays:
         discard(folder)
     recording = api.load(order.source, order.read_settings, on_event=on_event, should_cancel=should_cancel)
+    if order.source_stamp and source_stamp(order.source) != order.source_stamp:
+        raise InputError(
+            f"{order.recording_name} was changed or replaced while it was being read; have it inspected again.",
+            code="recording.source_changed",
+        )
     write_recording(folder, replace(recording, name=order.recording_name))
     return replace(read_recording(folder), name=order.recording_name)
 

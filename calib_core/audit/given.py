@@ -99,6 +99,11 @@ def _from_document(document: dict[str, object]) -> GivenExtrinsic:
     wrong = None if is_result(document) else strange_transform(document)
     if wrong is not None:
         raise unfit(wrong)
+    if is_result(document) and document["T_imu_lidar"] is None:
+        raise InputError(
+            "Expected an extrinsic, but this result was refused and has none; give one of another run.",
+            code="extrinsic.refused",
+        )
     matrix = _transform_of_document(document.get("T_imu_lidar"))
     form = "JSON of unsweep, T_imu_lidar"
     return GivenExtrinsic(matrix, _offset_ns_of(document), form, _covariance_of(document), _instant_of(document))

@@ -10,6 +10,7 @@ import numpy as np
 from calib_core.errors import InputError
 from calib_core.geometry import rotation_meant
 from calib_core.result import CalibrationResult
+from calib_core.settings import FARTHEST_M
 from calib_core.types import FloatArray
 
 FORMS = (
@@ -78,6 +79,8 @@ def transform_of(rotation: FloatArray, position_m: FloatArray) -> FloatArray:
     """(4, 4) of a matrix (3, 3) that is a rotation up to the digits it was written with, and a place (3,)."""
     if not (np.isfinite(rotation).all() and np.isfinite(position_m).all()):
         raise unfit("one of its numbers is too large for any program")
+    if np.abs(position_m).max() > FARTHEST_M:
+        raise unfit(f"its translation is beyond {FARTHEST_M:.0e} m")
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = _rotation(rotation), position_m
     return matrix

@@ -52,6 +52,11 @@ def from_urdf(text: str, frames: tuple[str, str]) -> GivenExtrinsic:
     return GivenExtrinsic(poses[lidar], None, f"URDF, {lidar} in {imu}")
 
 
+def check_urdf(text: str) -> None:
+    """Raises InputError where a text is no URDF with fixed joints, whichever links are the sensors'."""
+    _steps(text)
+
+
 def _steps(text: str) -> dict[tuple[str, str], FloatArray]:
     """T_parent_child of every fixed joint."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:

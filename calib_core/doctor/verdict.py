@@ -37,6 +37,7 @@ _LIMITING = frozenset(
         "imu.axis_signs",
         "imu.stuck",
         "recording.truncated",
+        "recording.incomplete",
         "points.malformed",
         "clock.epochs",
         "clock.set",

@@ -12,13 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calib_core.errors import DISK_FULL, Cancelled, InputError, UnreadableRecording
+from calib_core.errors import Cancelled, InputError, UnreadableRecording, is_for_want_of_room
 from calib_core.events import OnEvent, ShouldCancel, StageEvent
 from calib_core.phrasing import counted
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import UNDECODABLE, CloudDecoder
+from calib_core.readers.container.names import some_of
 from calib_core.readers.container.opening import OpenRecording
-from calib_core.readers.container.storage import RawMessage, TopicSummary
+from calib_core.readers.container.storage import DamageKind, RawMessage, TopicSummary
 from calib_core.readers.imu.messages import ImuCollector
 from calib_core.readers.mixed_lidars import Sender, require_one_lidar, sender_of
 from calib_core.readers.point_unit import require_metres
@@ -38,6 +39,13 @@ _SAMPLE_BYTES = 400 * (1 << 20)
 #: Less than this, of a recording that is damaged, is too little to calibrate from.
 MIN_SCANS_OF_DAMAGED = 20
 _EVENT_EVERY = 20
+#: The finding of each kind of damage.
+_DAMAGE_CODES: dict[DamageKind, str] = {
+    "index": "recording.damaged",
+    "holes": "recording.damaged",
+    "cut": "recording.truncated",
+    "missing": "recording.incomplete",
+}
 #: Threads that decode, one core being left to whoever reads: more of them than cores only take turns.
 _DECODERS = max(1, min(3, usable_cores() - 1))
 
@@ -246,7 +254,7 @@ class Reading:
         try:
             yield
         except OSError as error:
-            if error.errno not in DISK_FULL:
+            if not is_for_want_of_room(error):
                 raise
             raise InputError(
                 f"The disk that holds temporary files is full after {counted(index, 'scan')} of {self.recording.name};"
@@ -301,26 +309,36 @@ def impossible_stamp(index: int) -> str:
 
 
 def damage_findings(recording: OpenRecording, n_scans: int) -> tuple[Finding, ...]:
-    """One finding per damaged file. Raises UnreadableRecording where too little of the recording is left."""
+    """One finding per damaged file, and for files that are missing or were left out.
+
+    Raises UnreadableRecording where too little of the recording is left.
+    """
     found: list[Finding] = []
     for damage in recording.damages:
         after = ""
         if damage.kind == "cut":
             after = f" after {max(0, damage.lost_from_ns - recording.start_ns) * 1e-9:.1f} s"
+        what = f"The file {damage.file} is {damage.text}{after}"
+        if damage.kind == "missing":
+            what = f"The recording {damage.file} lacks {damage.text}"
         if damage.kind != "index" and n_scans < MIN_SCANS_OF_DAMAGED:
             raise UnreadableRecording(
-                f"The file {damage.file} is {damage.text}{after}, and {counted(n_scans, 'scan')} left of it, "
+                f"{what}, and {counted(n_scans, 'scan')} left of it, "
                 f"where {MIN_SCANS_OF_DAMAGED} are needed; record or copy it again.",
                 code="recording.truncated",
             )
         found.append(
             Finding(
-                code="recording.truncated" if damage.kind == "cut" else "recording.damaged",
+                code=_DAMAGE_CODES[damage.kind],
                 level="info" if damage.kind == "index" else "warning",
-                text=f"The file {damage.file} is {damage.text}{after}; what could be recovered is used"
+                text=f"{what}; what {'is there' if damage.kind == 'missing' else 'could be recovered'} is used"
                 f" ({counted(n_scans, 'scan')}).",
                 evidence=(Clue("scans recovered", n_scans), Clue("file", damage.file)),
                 consequence="" if damage.kind == "index" else "the result rests on the recovered part only",
             )
         )
+    if recording.beside:
+        lie = "lies" if len(recording.beside) == 1 else "lie"
+        text = f"{some_of(recording.beside)} {lie} in the folder of {recording.name} without being in its metadata.yaml"
+        found.append(Finding("recording.beside", "info", f"{text}, and {'is' if lie == 'lies' else 'are'} left out."))
     return tuple(found)

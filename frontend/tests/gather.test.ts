@@ -19,6 +19,19 @@ describe("what was dropped becomes one file", () => {
     expect(recordingOf(found("", "walk_0.bag", "walk_1.bag")).name).toBe("walk.tar");
   });
 
+  it("packs the list before the pieces, so that the server sees which are missing, and knows all names", async () => {
+    // Fails with the pieces alone; with names that end in .active unknown.
+    const packed = recordingOf(found("rig", "a.db3", "b.db3", "metadata.yaml"));
+    const text = await packed.text();
+    expect([0, 1024, 2048].map((at) => text.slice(at, at + 13).replaceAll("\0", ""))).toEqual([
+      "metadata.yaml",
+      "a.db3",
+      "b.db3",
+    ]);
+    expect(recordingOf(found("rig", "walk.bag.active", "notes.txt")).name).toBe("walk.bag.active");
+    expect(recordingOf(found("", "room.tar.bz2", "notes.txt")).name).toBe("room.tar.bz2");
+  });
+
   it("refuses several recordings, and none", () => {
     // Fails with folders not compared: two bags of one name would be glued together.
     expect(() => recordingOf([...found("a", "x_0.bag"), ...found("b", "x_1.bag")])).toThrow("2 recordings (a, b)");

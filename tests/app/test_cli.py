@@ -416,6 +416,39 @@ def test_closed_pipe_is_no_failure(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("buffered", [True, False])
+def test_an_output_that_takes_no_more_is_one_sentence(buffered: bool, tmp_path: Path) -> None:
+    """`unsweep export ... > /dev/full`. Oracle: code 2, the caller's. Seen: 4, a defect to report.
+
+    Mutations: it is a defect; what is still to be flushed is tried again at the end.
+    """
+    path = tmp_path / "result.json"
+    path.write_text(make_result(np.eye(3), np.ones(3)).to_json())
+    command = [sys.executable, "-m", "app.cli", "export", str(path), "--format", "matrix"]
+    environment = {**os.environ, "PYTHONUNBUFFERED": "" if buffered else "1"}
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, check=False, env=environment)
+    (line,) = done.stderr.splitlines()
+    assert (done.returncode, line[:60]) == (2, "unsweep: Expected room for what is written, but the disk is ")
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), OSError("5 requested and 3 written")])
+def test_a_disk_that_fills_is_no_defect(
+    library: Library,
+    capsys: pytest.CaptureFixture[str],
+    error: Exception,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whatever was written to it, as by deskew. Mutation: it is a defect, with a log that has no room either."""
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    library.failure = error
+    assert cli.run(["calibrate", "room.bag", "--log-json"]) == 2
+    said = json.loads(last_line(capsys))
+    assert (said["code"], "free some space" in said["text"]) == ("disk.full", True)
+    assert not list(tmp_path.iterdir())
+
+
 def test_busy_port_and_missing_folder_are_one_sentence(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """Fails if the server dies with a traceback, or serves somewhere else than asked."""
     with socket.create_server(("127.0.0.1", 0)) as busy:

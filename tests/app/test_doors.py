@@ -474,4 +474,41 @@ def test_a_small_body_has_to_come(live, monkeypatch):
     with socket.create_connection(("127.0.0.1", live.port), timeout=15) as line:
         line.sendall(b"POST /api/recordings HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Type: application/json\r\n")
         line.sendall(b'Content-Length: 20\r\n\r\n{"sam')
-        assert line.recv(4096).startswith(b"HTTP/1.1 4")
+        assert line.recv(4096).startswith(b"HTTP/1.1 413")
+
+
+@pytest.mark.parametrize(
+    ("sent", "status", "code"),
+    [
+        (
+            b"GET /api/info HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: " + b"a" * 40_000 + b"\r\n\r\n",
+            431,
+            "request.head_too_large",
+        ),
+        (b"GET /api/info HTTP/1.1\r\nHost: 127.0.0.1\r\nX-Long: " + b"a" * 70_000, 400, "http.400"),
+        (b"what is this\r\n\r\n", 400, "http.400"),
+    ],
+)
+def test_what_is_refused_before_any_route_has_the_one_error_body(shared_live, sent, status, code):
+    """Oracle: the API's own document of errors. Seen: 40 kB of headers accepted where 32 are promised, and text without a code.
+
+    Mutations: only a head that is still incomplete bounded; the web server's own answer.
+    """
+    with socket.create_connection(("127.0.0.1", shared_live.port), timeout=15) as line:
+        line.sendall(sent)
+        head, body = until_closed(line)
+    assert head.startswith(f"HTTP/1.1 {status} ")
+    error = json.loads(body)["error"]
+    assert (error["code"], error["text"][-1]) == (code, ".")
+
+
+def until_closed(line):
+    """Head and body of an answer that ends the connection, or says how long it is."""
+    said = b""
+    while b"\r\n\r\n" not in said:
+        said += line.recv(4096)
+    head, _, body = said.partition(b"\r\n\r\n")
+    length = int(re.search(rb"content-length: (\d+)", head)[1])
+    while len(body) < length:
+        body += line.recv(4096)
+    return head.decode(), body

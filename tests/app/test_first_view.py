@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 
 from app.arrays.first_cloud import first_cloud_file, read_first_cloud
-from app.arrays.recording import recording_arrays
+from app.arrays.recording import has_recording, recording_arrays
 from app.jobs.orders import Order
+from app.storage.sizes import source_stamp
 from app.work.functions import PROPOSED, REPORTED, decoded, run_inspect, run_job, run_planes
 from app.work.head import CLOUD, first_cloud, is_final, propose_from_head
 from calib_core import api
+from calib_core.errors import InputError
 from calib_core.events import LogEvent, StageEvent, ignore_event, never_cancel
 from calib_core.settings import ReadSettings
 from calib_core.simulate import simulate
@@ -194,3 +196,21 @@ def test_an_archive_is_unpacked_once_for_all_jobs_of_a_recording(bag, tmp_path, 
     assert not own
     assert api.discard_archives(shared)
     assert not file.exists()
+
+
+def test_a_file_that_is_replaced_while_it_is_read_is_told_and_nothing_of_it_kept(tmp_path, monkeypatch):
+    """Oracle: the stamp of the file as it was when the job was ordered. Mutation: no second look: the new file's arrays are kept
+    as the old one's.
+    """
+    source = tmp_path / "room.bag"
+    source.write_bytes(b"old")
+    order = order_for(source, tmp_path / "cache").model_copy(update={"source_stamp": source_stamp(source)})
+
+    def load(path, *_, **__):
+        path.write_bytes(b"another")
+        return world.make_recording()
+
+    monkeypatch.setattr(api, "load", load)
+    with pytest.raises(InputError, match=r"room\.bag was changed or replaced while it was being read"):
+        decoded(order, ignore_event, never_cancel)
+    assert not has_recording(recording_arrays(order.cache))

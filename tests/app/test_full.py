@@ -47,6 +47,7 @@ def test_a_job_that_asks_for_too_much_is_one_sentence(tmp_path, name, code, word
 def test_only_a_full_disk_is_called_one():
     """Mutation: taking every OSError for it."""
     assert full_disk(OSError(errno.ENOSPC, "")) is not None
+    assert full_disk(OSError("579072 requested and 342008 written")) is not None  # NumPy, of the first cloud
     assert full_disk(OSError(errno.EACCES, "")) is None
 
 

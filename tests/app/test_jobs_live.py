@@ -279,3 +279,59 @@ def test_what_was_unpacked_goes_with_the_last_job_that_might_read_it(tmp_path):
         files.mkdir(parents=True)
     with serving(tmp_path / "data"):
         assert not files.exists()
+
+
+@pytest.mark.parametrize("begun", [True, False])
+def test_an_inspection_that_is_stopped_leaves_the_recording_as_the_one_before_found_it(live, begun):
+    """Begun, it has written the half of a report over the earlier one. Oracle: what was told before it was asked for.
+
+    Mutations: it counts as failed; its half report stays; an earlier one of another reading is put back.
+    """
+    recording_id = live.upload("halfway.bag")
+    home = f"/api/recordings/{recording_id}"
+
+    def stop_one(job_id):
+        if begun:
+            live.wait(lambda: (live.http.get(home).json()["report"] or {}).get("final") is False)
+        live.http.post(f"/api/jobs/{job_id}/cancel")
+        live.finish(job_id)
+        return live.http.get(home).json()
+
+    first = next(job for job in live.http.get(f"{home}/jobs").json() if job["kind"] == "inspect")["id"]
+    live.wait(lambda: live.job(first)["state"] == "running")
+    (live.settings.data_dir / "jobs" / first / "go-on").touch()
+    live.finish(first)
+    before = live.http.get(home).json()
+    assert (before["state"], before["report"]["final"]) == ("ready", True)
+    if not begun:  # all slots taken
+        slow = live.upload("slow.bag")
+        taken = [live.start(slow) for _ in range(live.settings.concurrent_jobs)]
+    after = stop_one(live.start(recording_id, kind="inspect"))
+    assert {key: after[key] for key in ("state", "error", "report", "verdict")} == {
+        key: before[key] for key in ("state", "error", "report", "verdict")
+    }
+    if begun:
+        live.http.patch(home, json={"range_max_m": 50})
+        shown = stop_one(next(job for job in live.http.get(f"{home}/jobs").json() if job["kind"] == "inspect")["id"])
+        assert (shown["state"], shown["error"]["code"]) == ("failed", "job.cancelled")
+    else:
+        for job_id in taken:
+            live.http.post(f"/api/jobs/{job_id}/cancel")
+
+
+def test_a_stream_from_beyond_its_end_is_told_from_its_beginning(live):
+    """Oracle: the whole stream. Seen: no message at all, where the document promises a final state. Mutation: waiting for a
+    number that was never given out; the last message told again to who has had it.
+    """
+    job_id = live.start(live.upload("any.bag"))
+    live.finish(job_id)
+    whole = live.events(f"/api/jobs/{job_id}/events", until=final)
+    for beyond in (len(whole), 999_999):
+        told = live.events(f"/api/jobs/{job_id}/events", until=final, headers={"Last-Event-ID": str(beyond)})
+        assert told == whole
+    assert live.events(f"/api/jobs/{job_id}/events", until=final, headers={"Last-Event-ID": whole[-1][0]}) == []
+    slow = live.start(live.upload("slow.bag"))
+    live.wait(lambda: live.job(slow)["state"] == "running")
+    first = live.events(f"/api/jobs/{slow}/events", until=lambda _: True, headers={"Last-Event-ID": "999999"})
+    assert first[0][0] == "0"
+    live.http.post(f"/api/jobs/{slow}/cancel")

@@ -9,6 +9,7 @@ import shutil
 import numpy as np
 import pytest
 
+from app.fleet.find import find_recordings
 from app.recordings.timeline import make_timeline, still_windows
 from tests.app.support import world
 
@@ -19,6 +20,7 @@ def folder(shared_live):
     root = shared_live.settings.recordings_dir
     (root / "day" / "ros2").mkdir(parents=True)
     (root / "day" / "ros2" / "metadata.yaml").write_text("x")
+    (root / "day" / "ros2" / "any.db3").write_text("y")
     (root / "day" / "room.bag").write_bytes(b"12345")
     (root / "notes.txt").write_text("n")
     (root / ".hidden.bag").write_text("h")
@@ -67,6 +69,71 @@ def test_no_path_leads_out_of_the_folder(shared_live, path, code):
     assert opened.status_code in {403, 404}
 
 
+def test_what_a_recording_is_is_one_question_at_every_door(shared_live, folder):
+    """The same names are listed, opened, uploaded and found by calibrate-many. Oracle: what the command line reads.
+
+    Seen: `room.bag.active`, compressed files and folders without a list taken by the command line alone. Mutations: a list of
+    suffixes of the door's own; folders asked for a metadata.yaml alone.
+    """
+    root = folder / "doors"
+    names = [
+        "a.bag.active",
+        "B.BAG",
+        "c.mcap.zstd",
+        "d.db3.zst",
+        "e.tar.xz",
+        "f.tar.bz2",
+        "run/run_0.db3",
+        "run/run_1.db3",
+    ]
+    for name in (*names, "notes.txt", "day/monday.bag"):
+        (root / name).parent.mkdir(parents=True, exist_ok=True)
+        (root / name).write_bytes(b"-")
+    listed = shared_live.http.get("/api/folder", params={"path": "doors"}).json()["entries"]
+    kinds = {entry["name"]: entry["kind"] for entry in listed}
+    one_each = {name.partition("/")[0] for name in names}
+    assert kinds == dict.fromkeys(one_each, "recording") | {"notes.txt": "file", "day": "folder"}
+    assert {path.relative_to(root).as_posix() for path in find_recordings(root)} == one_each | {"day/monday.bag"}
+    for name in [*sorted(one_each), "day"]:  # a folder with one bag is that bag, as on the command line
+        opened = shared_live.http.post("/api/recordings", json={"folder_path": f"doors/{name}"})
+        assert opened.status_code == 201, opened.text
+        shared_live.http.delete(f"/api/recordings/{opened.json()['id']}")
+    for name in one_each - {"run"}:
+        shared_live.http.delete(f"/api/recordings/{shared_live.upload(name)}")
+    refused = shared_live.http.post("/api/recordings", json={"folder_path": "doors"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (404, "folder.no_recording")
+    assert "holds 4 recordings" in refused.json()["error"]["text"]
+    shutil.rmtree(root)
+
+
+def test_a_bag_folder_whose_files_lead_out_is_not_opened(shared_live, folder):
+    """Seen: listed as a recording, and read. Oracle: what the documents say of links. Mutation: files in it not asked."""
+    trick = folder / "trick"
+    trick.mkdir()
+    (trick / "metadata.yaml").write_text("relative_file_paths:\n  - trick_0.db3\n")
+    (trick / "trick_0.db3").symlink_to(folder.parent / "secret.bag")
+    entries = shared_live.http.get("/api/folder").json()["entries"]
+    assert next(entry["kind"] for entry in entries if entry["name"] == "trick") == "folder"
+    assert shared_live.http.get("/api/folder", params={"path": "trick"}).json()["links_out"] == 1
+    refused = shared_live.http.post("/api/recordings", json={"folder_path": "trick"})
+    assert (refused.status_code, refused.json()["error"]["code"]) == (403, "folder.outside")
+    (trick / "trick_0.db3").unlink()
+    (trick / "trick_0.db3").symlink_to(folder / "day" / "room.bag")  # within the folder it may
+    opened = shared_live.http.post("/api/recordings", json={"folder_path": "trick"})
+    assert opened.status_code == 201
+    home = f"/api/recordings/{opened.json()['id']}"
+    shared_live.wait(lambda: shared_live.http.get(home).json()["state"] == "ready")
+    (trick / "trick_0.db3").unlink()
+    (trick / "trick_0.db3").symlink_to(folder.parent / "secret.bag")  # nor is what is put in its place
+    for again in (
+        shared_live.http.post(f"{home}/jobs", json={"kind": "inspect"}),
+        shared_live.http.patch(home, json={"range_max_m": 50}),
+    ):
+        assert (again.status_code, again.json()["error"]["code"]) == (403, "folder.outside")
+    shared_live.http.delete(home)
+    shutil.rmtree(trick)
+
+
 @pytest.mark.usefixtures("folder")
 def test_a_recording_of_the_folder_is_opened_in_place_and_survives_its_entry(shared_live, folder):
     """Mutation: deleting the source of a folder recording."""
@@ -77,7 +144,7 @@ def test_a_recording_of_the_folder_is_opened_in_place_and_survives_its_entry(sha
     assert (folder / "day" / "room.bag").read_bytes() == b"12345"
 
 
-@pytest.mark.parametrize(("path", "inside"), [("room.bag", ""), ("room_ros2", "metadata.yaml")])
+@pytest.mark.parametrize(("path", "inside"), [("room.bag", ""), ("room_ros2", "any.mcap")])
 def test_planes_of_a_source_that_changed_underneath_are_not_shown(shared_live, folder, path, inside):
     """Also of a folder, whose own time stays when one of its files is written. Oracle: the answer before.
 
@@ -97,9 +164,91 @@ def test_planes_of_a_source_that_changed_underneath_are_not_shown(shared_live, f
     assert shared_live.services.files.cache_key(record) == hashlib.sha256(key.encode()).hexdigest()[:32]
     with (folder / path / inside).open("ab") as file:
         file.write(b"z")
-    assert shared_live.http.get(url).json()["error"]["code"] == "planes.not_proposed"
+    assert shared_live.http.get(url).json()["error"]["code"] == "recording.source_changed"
     shared_live.http.delete(f"/api/recordings/{made['id']}")
     shutil.rmtree(folder / "changing")
+
+
+@pytest.fixture
+def replaced(shared_live, folder):
+    """A recording of the folder with a plane that somebody renamed, and a solve of it; then its file is replaced."""
+    path = folder / "room_replaced.bag"
+    path.write_bytes(b"the old one")
+    made = shared_live.http.post("/api/recordings", json={"folder_path": path.name}).json()
+    home = f"/api/recordings/{made['id']}"
+    both = {"inspect": "done", "planes": "done"}
+    shared_live.wait(lambda: shared_live.job_states(made["id"]) == both)
+    rename = {"op": "rename", "index": 0, "name": "MINE"}
+    assert shared_live.http.post(f"{home}/planes/operations", json=rename).status_code == 200
+    solved = shared_live.start(made["id"])
+    assert shared_live.finish(solved)["state"] == "done"
+    written_ns = path.stat().st_mtime_ns
+    path.write_bytes(b"a new one, longer")
+    yield made["id"], home, path, written_ns, solved
+    shared_live.http.delete(home)
+    path.unlink()
+
+
+def test_a_source_that_was_replaced_is_told_at_every_door_and_nothing_chosen_is_lost(shared_live, replaced):
+    """Oracle: the old file put back, with its time, has its planes as they were left.
+
+    Mutations: the source not looked at: a solve answers for the new file, without the planes; its state left as it was;
+    the stamp of the new file taken when it is noticed.
+    """
+    recording_id, home, path, written_ns, _ = replaced
+    http, said = shared_live.http, "recording.source_changed"
+    shown = http.get(home).json()
+    assert (shown["state"], shown["error"]["code"], shown["verdict"]) == ("failed", said, "good")
+    listed = next(one for one in http.get("/api/recordings").json() if one["id"] == recording_id)
+    assert listed["error"]["code"] == said
+    audit = {"extrinsic": "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1"}
+    answers = [
+        http.get(f"{home}/planes"),
+        http.post(f"{home}/planes/operations", json={"op": "undo"}),
+        http.get(f"{home}/timeline"),
+        http.post(f"{home}/jobs", json={"kind": "solve"}),
+        http.post(f"{home}/jobs", json={"kind": "planes"}),
+        http.post(f"{home}/audits", json=audit),
+    ]
+    assert [(answer.status_code, answer.json()["error"]["code"]) for answer in answers] == [(409, said)] * 6
+    assert "inspected again" in answers[0].json()["error"]["text"]
+    path.write_bytes(b"the old one")
+    os.utime(path, ns=(written_ns, written_ns))
+    assert http.get(home).json()["state"] == "ready"
+    assert http.get(f"{home}/planes").json()["patches"][0]["name"] == "MINE"
+
+
+def test_what_was_put_in_a_sources_place_is_inspected_anew_and_old_solves_are_not_run_on_it(shared_live, replaced):
+    """Oracle: the new file's size; the name that a person gave a plane is of the old file.
+
+    Mutations: planes not looked for; the size left; a solve of the old file's planes run again on the new file.
+    """
+    recording_id, home, path, _, solved = replaced
+    queued = shared_live.start(recording_id, kind="inspect")
+    assert shared_live.finish(queued)["state"] == "done"
+    shared_live.wait(lambda: shared_live.job_states(recording_id)["planes"] == "done")
+    shown = shared_live.http.get(home).json()
+    assert (shown["state"], shown["error"], shown["size_bytes"]) == ("ready", None, path.stat().st_size)
+    names = [plane["name"] for plane in shared_live.http.get(f"{home}/planes").json()["patches"]]
+    assert names and "MINE" not in names
+    again = shared_live.http.post(f"/api/jobs/{solved}/retry")
+    assert (again.status_code, again.json()["error"]["code"]) == (409, "job.read_otherwise")
+    assert shared_live.finish(shared_live.start(recording_id))["state"] == "done"
+
+
+def test_a_failed_inspection_is_tried_again_on_what_was_put_in_its_place(shared_live, folder):
+    """As the page's button does. Mutation: retrying asks for the same source."""
+    path = folder / "broken_then_mended.bag"
+    path.write_bytes(b"porridge")
+    made = shared_live.http.post("/api/recordings", json={"folder_path": path.name}).json()
+    shared_live.wait(lambda: shared_live.job_states(made["id"]).get("inspect") == "failed")
+    path.write_bytes(b"porridge again")
+    inspection = next(job for job in shared_live.services.jobs.records_of(made["id"]) if job.kind == "inspect")
+    assert shared_live.http.post(f"/api/jobs/{inspection.id}/retry").status_code == 201
+    shared_live.wait(lambda: shared_live.http.get(f"/api/recordings/{made['id']}").json()["state"] == "failed")
+    assert shared_live.http.get(f"/api/recordings/{made['id']}").json()["error"]["code"] == "recording.unreadable"
+    shared_live.http.delete(f"/api/recordings/{made['id']}")
+    path.unlink()
 
 
 def test_a_changed_read_setting_inspects_again_and_a_name_does_not(shared_live):
@@ -108,7 +257,10 @@ def test_a_changed_read_setting_inspects_again_and_a_name_does_not(shared_live):
     url = f"/api/recordings/{recording_id}"
     hold = shared_live.services.files.recording(recording_id) / "hold"
     hold.touch()
-    assert shared_live.http.patch(url, json={"name": "my/room"}).json()["name"] == "room"
+    assert shared_live.http.patch(url, json={"name": " lab 3/4\t"}).json()["name"] == "lab 3/4"
+    blank = shared_live.http.patch(url, json={"name": " \u200b"})
+    assert (blank.status_code, blank.json()["error"]["code"]) == (422, "recording.name")
+    assert shared_live.http.get(url).json()["name"] == "lab 3/4"
     assert shared_live.job_states(recording_id) == {"inspect": "done", "planes": "done"}
     changed = shared_live.http.patch(url, json={"imu_topic": "/imu2", "start_s": 1.5}).json()
     assert (changed["read_settings"]["imu_topic"], changed["state"]) == ("/imu2", "inspecting")

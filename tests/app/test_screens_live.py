@@ -203,3 +203,20 @@ def test_a_burst_of_requests_is_done_twice_and_its_last_is_not_lost():
     assert done[-1] == 99
     assert len(done) < 50
     throttle.stop()
+
+
+def test_a_urdf_that_is_none_is_refused_when_it_is_asked_for(shared_live):
+    """As other texts are. Seen: 201, and a job that failed. Mutation: every text that begins with < left to the job."""
+    recording_id = shared_live.ready()
+    answer = shared_live.http.post(f"/api/recordings/{recording_id}/audits", json={"extrinsic": "<robot><joint>"})
+    assert (answer.status_code, answer.json()["error"]["code"]) == (422, "extrinsic.unfit")
+
+
+def test_a_refused_solve_says_why_it_has_neither_walls_nor_scans(shared_live):
+    """Seen: "solve again to see them", which gives no more. Mutation: the same sentence as for a run of an earlier version."""
+    refused = shared_live.start(shared_live.upload("refused.bag"))
+    shared_live.finish(refused)
+    for part in ("scans", "thickness"):
+        answer = shared_live.http.get(f"/api/results/{refused}/{part}")
+        assert (answer.status_code, answer.json()["error"]["code"]) == (409, "result.no_answer")
+        assert "The solve was refused" in answer.json()["error"]["text"]

@@ -130,6 +130,10 @@ def test_rounded_times_of_a_guess_agree_and_far_ones_of_a_page_do_not_overflow(t
     assert guess.time_offset_ns == 4_999_500
     with pytest.raises(SettingsError, match="at most 9e"):
         make_initial_guess(None, 1e300, where="the page")
+    far = np.eye(4)
+    far[0, 3] = 1e300
+    with pytest.raises(SettingsError, match=r"at most 1e\+06 m in the page"):
+        make_initial_guess(far.tolist(), None, where="the page")
 
 
 def test_a_mark_at_the_beginning_of_a_file_is_no_part_of_it(tmp_path: Path) -> None:

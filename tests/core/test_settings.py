@@ -65,6 +65,14 @@ def test_an_axis_has_one_prior() -> None:
             CalibrateSettings.model_validate({"priors": [tz, ty, other]})
 
 
+@pytest.mark.parametrize("std", [0.0, -1.0, 1e-300, 0.9e-9])
+def test_a_prior_is_no_tighter_than_numbers_are(std: float) -> None:
+    """Seen: one over the square of 1e-300 was "division by zero", told as a refusal of the recording. Mutation: any above 0."""
+    assert CalibrateSettings.model_validate({"priors": [{"axis": "tz", "value": 0.1, "std": 1e-9}]}).priors
+    with pytest.raises(ValidationError, match="std"):
+        CalibrateSettings.model_validate({"priors": [{"axis": "tz", "value": 0.1, "std": std}]})
+
+
 @pytest.mark.parametrize("magnitude_m_s2", [-9.0, 0.0, 1.6, 9.0, 10.0, 1e300])
 def test_gravity_is_that_of_the_earth(magnitude_m_s2: float) -> None:
     """As the command line has it. Mutations: no limit; its sign no matter."""

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 import pytest
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
-from calib_core.validation_messages import misfit
+from calib_core.validation_messages import misfit, place_of
 
 RIGHT: dict[str, object] = {"schema": "a/1", "id": "0", "size": 1.0, "ways": [1, 2]}
 
@@ -57,3 +57,39 @@ def test_what_is_missing_is_said() -> None:
     with pytest.raises(ValidationError) as wrong:
         _Document.model_validate({name: value for name, value in RIGHT.items() if name != "id"})
     assert misfit(wrong.value.errors()[0]) == "it is missing"
+
+
+class _Circle(BaseModel):
+    kind: Literal["circle"]
+
+
+class _Square(BaseModel):
+    kind: Literal["square"]
+
+
+class _Drawing(BaseModel):
+    shape: Annotated[_Circle | _Square, Field(discriminator="kind")] = _Circle(kind="circle")
+    ways: Literal["auto", "off"] | tuple[Annotated[str, Field(max_length=3)], ...] = "auto"
+
+
+@pytest.mark.parametrize(
+    ("document", "said"),
+    [
+        ({"shape": {"kind": "line"}}, {("shape", "kind should be one of 'circle', 'square', found 'line'")}),
+        ({"shape": {}}, {("shape", "kind is missing")}),
+        (
+            {"ways": "some"},
+            {
+                ("ways", "it should be 'auto' or 'off', found 'some'"),
+                ("ways", "it should be a valid tuple, found 'some'"),
+            },
+        ),
+    ],
+)
+def test_where_it_is_wrong_and_which_kinds_there_are_is_said_without_the_librarys_names(
+    document: dict[str, object], said: set[tuple[str, str]]
+) -> None:
+    """Seen: "Input tag 'nope' found using 'op'", and places like literal['auto','off']. Mutations: its message; its places."""
+    with pytest.raises(ValidationError) as wrong:
+        _Drawing.model_validate(document)
+    assert {(place_of(problem), misfit(problem)) for problem in wrong.value.errors()} == said

@@ -11,30 +11,34 @@ import errno
 import gzip
 import lzma
 import shutil
+import stat
 import struct
 import tarfile
 import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import closing
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import IO, cast
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.limits import LIMITS
-from calib_core.readers.container.one_recording import (
+from calib_core.readers.container.listed import METADATA, files_of
+from calib_core.readers.container.names import (
+    ARCHIVE_SUFFIXES,
     STORAGE_SUFFIXES,
     is_hidden,
-    is_same_recording,
     plain_name,
-    require_one_recording,
+    some_of,
     storage_suffix,
 )
+from calib_core.readers.container.one_recording import is_same_recording, require_one_recording
 from calib_core.readers.container.tar_stream import BoundedStream
 
-_TAR_SUFFIXES = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tar.xz")
-_KEPT = (*STORAGE_SUFFIXES, ".zstd", ".zst")
 _BLOCK = 1 << 20
+#: The bit of a zip's member that needs a password.
+_ENCRYPTED = 1
 #: Errors that say something of the archive, a place before its start or a name without end; all others are the disk's.
 _ARCHIVES_OWN = {None, errno.EINVAL, errno.ENAMETOOLONG}
 #: The end of a zip's list of files: a mark, and its size and place; a comment of 64 KiB may follow.
@@ -42,9 +46,29 @@ _ZIP64_END = b"PK\x06\x06"
 _ZIP_END, _ZIP_END_BYTES, _ZIP_COMMENT_BYTES = b"PK\x05\x06", 22, 1 << 16
 
 
+@dataclass(slots=True)
+class _Held:
+    """What an archive holds.
+
+    found: its storage files.   links: names of what is passed over since it leads elsewhere.
+    lists: the metadata.yaml of each of its folders: which of them is the recording's is seen at the end.
+    several: whether there are files of another recording than the first one's, which are passed over.
+    """
+
+    found: list[PurePosixPath] = field(default_factory=list)
+    links: list[str] = field(default_factory=list)
+    lists: dict[PurePosixPath, bytes] = field(default_factory=dict)
+    several: bool = False
+
+    def lists_both(self, first: PurePosixPath, other: PurePosixPath) -> bool:
+        """Whether they are in one folder, whose list has come by now and names both."""
+        text = self.lists.get(first.parent, b"").decode("utf-8", "replace")
+        return first.parent == other.parent and {first.name, other.name} <= {one.name for one in files_of(text)}
+
+
 def is_archive(path: Path) -> bool:
     """Whether the name says archive."""
-    return path.is_file() and path.name.lower().endswith((".zip", *_TAR_SUFFIXES))
+    return path.is_file() and path.name.lower().endswith(ARCHIVE_SUFFIXES)
 
 
 def unpacked_room(path: Path, folder: Path, *, most_bytes: int = LIMITS.unpacked_bytes) -> int:
@@ -56,22 +80,9 @@ def unpacked_room(path: Path, folder: Path, *, most_bytes: int = LIMITS.unpacked
 def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked_bytes) -> Path:
     """`folder`, filled with the archive's storage files."""
     room = unpacked_room(path, folder, most_bytes=max_bytes)
-    found: list[PurePosixPath] = []
+    held = _Held()
     try:
-        for member, stream in _members(path, room):
-            inside = PurePosixPath(member.replace("\\", "/"))
-            name = plain_name(inside.name)
-            if is_hidden(inside) or not name.endswith(_KEPT) or storage_suffix(inside) not in STORAGE_SUFFIXES:
-                continue
-            found.append(inside)
-            if not is_same_recording(found[0], inside):
-                continue  # looked through to its end to name them all, and refused
-            target = folder / name
-            if target.exists():
-                raise UnreadableRecording(
-                    f"The archive {path.name} holds two files named {name[:80]}; pack one recording per archive."
-                )
-            room = _copy(stream, target, room, path.name)
+        _fill(folder, path, room, held)
     except (
         zipfile.BadZipFile,
         tarfile.TarError,
@@ -89,10 +100,44 @@ def unpack_archive(path: Path, folder: Path, *, max_bytes: int = LIMITS.unpacked
         if error.errno not in _ARCHIVES_OWN:
             raise
         raise _damaged(path, error) from error
-    if not found:
-        raise UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
-    require_one_recording(found, f"The archive {path.name}", "pack one recording per archive")
+    if not held.found:
+        raise _empty(path, [link for link in held.links if storage_suffix(PurePosixPath(link)) in STORAGE_SUFFIXES])
+    if held.several or not all(held.lists_both(held.found[0], file) for file in held.found):
+        require_one_recording(held.found, f"The archive {path.name}", "pack one recording per archive")
+    if held.found[0].parent in held.lists:
+        (folder / METADATA).write_bytes(held.lists[held.found[0].parent])
     return folder
+
+
+def _fill(folder: Path, path: Path, room: int, held: _Held) -> None:
+    """Write the archive's storage files into the folder, at most `room` bytes.   held: what there is, added to."""
+    for member, stream in _members(path, room, held.links):
+        inside = PurePosixPath(member.replace("\\", "/"))
+        name = plain_name(inside.name)
+        if inside.name == METADATA and len(held.lists) < LIMITS.archive_lists:
+            held.lists[inside.parent] = stream.read(LIMITS.archive_list_bytes)
+        if is_hidden(inside) or storage_suffix(inside) not in STORAGE_SUFFIXES:
+            continue
+        held.found.append(inside)
+        if not is_same_recording(held.found[0], inside) and not held.lists_both(held.found[0], inside):
+            held.several = True
+            continue  # looked through to its end to name them all, and refused
+        target = folder / name
+        if target.exists():
+            raise UnreadableRecording(
+                f"The archive {path.name} holds two files named {name[:80]}; pack one recording per archive."
+            )
+        room = _copy(stream, target, room, path.name)
+
+
+def _empty(path: Path, links: list[str]) -> UnreadableRecording:
+    """What to say of an archive without a recording.   links: those that are called as one."""
+    if links:
+        return UnreadableRecording(
+            f"The archive {path.name} holds no recording but links to it ({some_of(links)}), which are not followed; pack the "
+            "files themselves."
+        )
+    return UnreadableRecording(f"The archive {path.name} holds no .mcap, .db3 or .bag file; pack the bag's folder.")
 
 
 def _damaged(path: Path, error: Exception) -> UnreadableRecording:
@@ -103,20 +148,28 @@ def _first_line(error: Exception) -> str:
     return (str(error).splitlines() or [type(error).__name__])[0].rstrip(":.")[:200]
 
 
-def _members(path: Path, room: int) -> Iterator[tuple[str, IO[bytes]]]:
-    members = _zip_members(path) if path.name.lower().endswith(".zip") else _tar_members(path, room)
+def _members(path: Path, room: int, links: list[str]) -> Iterator[tuple[str, IO[bytes]]]:
+    """Names and bytes of the archive's files.   links: names of what leads elsewhere and is passed over, added to."""
+    members = _zip_members(path, links) if path.name.lower().endswith(".zip") else _tar_members(path, room, links)
     for count, member in enumerate(members):
         if count >= LIMITS.archive_entries:
             raise _too_many(path.name)
         yield member
 
 
-def _zip_members(path: Path) -> Iterator[tuple[str, IO[bytes]]]:
+def _zip_members(path: Path, links: list[str]) -> Iterator[tuple[str, IO[bytes]]]:
     _check_list_of_files(path)
     with zipfile.ZipFile(path) as archive:
         for info in archive.infolist():
             if info.is_dir():
                 continue
+            if stat.S_ISLNK(info.external_attr >> 16):
+                links.append(info.filename)  # the bytes are the path that it leads to
+                continue
+            if info.flag_bits & _ENCRYPTED:
+                raise UnreadableRecording(
+                    f"The archive {path.name} is encrypted; unpack it with its password, and give the folder or pack it without."
+                )
             # The other methods unpack without a bound on what comes out at once.
             if info.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
                 raise UnreadableRecording(f"The archive {path.name} is packed in an unusual way; pack it as plain zip.")
@@ -144,11 +197,13 @@ def _check_list_of_files(path: Path) -> None:
         raise _too_many(path.name)
 
 
-def _tar_members(path: Path, room: int) -> Iterator[tuple[str, IO[bytes]]]:
+def _tar_members(path: Path, room: int, links: list[str]) -> Iterator[tuple[str, IO[bytes]]]:
     with path.open("rb") as file, closing(_unpacked_tar(file)) as source:
         stream = BoundedStream(source, longest_read=LIMITS.archive_header_bytes, most_bytes=room + _headroom(room))
         with tarfile.open(fileobj=stream, mode="r:") as archive:
             for member in archive:
+                if member.issym() or member.islnk():
+                    links.append(member.name)
                 if member.issparse():
                     raise UnreadableRecording(f"The archive {path.name} holds a file with holes; pack it without -S.")
                 opened = archive.extractfile(member) if member.isreg() else None

@@ -25,6 +25,9 @@ class ContainerLimits:
     archive_entries: int = 10_000
     #: A zip's list of its files, and any one header of a tar: names and dates.
     archive_header_bytes: int = 16 * MIB
+    #: Lists of files that recorders write beside them, in one archive, and the bytes of one: a line for each file and topic.
+    archive_lists: int = 16
+    archive_list_bytes: int = 4 * MIB
     #: Share of the free disk that one archive may take.
     disk_share: float = 0.5
 

@@ -14,17 +14,13 @@ from pathlib import PurePath
 from typing import NamedTuple
 
 from calib_core.errors import UnreadableRecording
-from calib_core.phrasing import counted, joined
+from calib_core.phrasing import counted
+from calib_core.readers.container.names import STORAGE_SUFFIXES, bare_name, some_of, storage_suffix
 
-STORAGE_SUFFIXES = (".bag", ".mcap", ".db3")
-#: Of a file that is compressed, or was still being recorded.
-_OUTER_SUFFIXES = (".zstd", ".zst", ".active")
 _DATE = r"(?<!\d)\d{4}([-_]\d\d){5}"
 _DATED = re.compile(rf"{_DATE}$")
 _DATED_SPLIT = re.compile(rf"{_DATE}_(?=\d+$)")
 _SPLIT = re.compile(r"_(\d+)$")
-#: A sentence lists so many recordings, by names no longer than this.
-_LISTED, _LONGEST_NAME = 5, 80
 
 
 class _Split(NamedTuple):
@@ -35,19 +31,14 @@ class _Split(NamedTuple):
     number: int
 
 
-def storage_suffix(file: PurePath) -> str:
-    """The suffix that says how it is stored, under compression's and that of a bag still being recorded."""
-    return PurePath(file.stem).suffix if file.suffix in _OUTER_SUFFIXES else file.suffix
-
-
-def is_hidden(file: PurePath) -> bool:
-    """Whether the file, or a folder that it is in, is one that systems put beside a person's: `._room.bag` of a Mac."""
-    return any(part.startswith(".") and part.strip(".") for part in file.parts)
-
-
 def is_same_recording(one: PurePath, other: PurePath) -> bool:
     """Whether their names are those of splits of one recording; two of one number are not told from these alone."""
     return _split(one)[:2] == _split(other)[:2]
+
+
+def split_number(file: PurePath) -> int:
+    """Which split of its recording it is by its name; -1 where it has no number."""
+    return _split(file).number
 
 
 def require_one_recording(files: Iterable[PurePath], what: str, cure: str) -> None:
@@ -58,16 +49,14 @@ def require_one_recording(files: Iterable[PurePath], what: str, cure: str) -> No
             groups.setdefault(_split(file)[:2], []).append(file)
     recordings = [recording for group in groups.values() for recording in _begun(group)]
     if len(recordings) > 1:
-        names = [plain_name(recording[0].as_posix())[-_LONGEST_NAME:] for recording in recordings[:_LISTED]]
-        if len(recordings) > _LISTED:
-            names.append(f"{len(recordings) - _LISTED} more")
+        names = some_of([recording[0].as_posix() for recording in recordings])
         raise UnreadableRecording(
-            f"{what} holds {counted(len(recordings), 'recording')}, {joined(names)}; {cure}.", code="recording.several"
+            f"{what} holds {counted(len(recordings), 'recording')}, {names}; {cure}.", code="recording.several"
         )
 
 
 def _split(file: PurePath) -> _Split:
-    stem = PurePath(file.stem).stem if file.suffix in _OUTER_SUFFIXES else file.stem
+    stem = bare_name(file)
     found = None if _DATED.search(stem) else _SPLIT.search(stem)
     if found is None:
         return _Split(file.parent.as_posix(), stem, -1)
@@ -90,8 +79,3 @@ def _begun(group: list[PurePath]) -> list[list[PurePath]]:
         numbers.add(key)
         begun[-1].append(file)
     return begun
-
-
-def plain_name(name: str) -> str:
-    """The name without what breaks a line of a sentence or of a log, or turns its order around."""
-    return "".join(character if character.isprintable() else "_" for character in name)

@@ -17,15 +17,12 @@ from pathlib import Path
 from types import TracebackType
 from typing import Literal, Self
 
-from calib_core.errors import UnreadableRecording
+from calib_core.errors import UnreadableRecording, is_for_want_of_room
 from calib_core.readers.container.archive import is_archive, unpacked_room
 from calib_core.readers.container.compression import pieces, zstd
-from calib_core.readers.container.one_recording import (
-    STORAGE_SUFFIXES,
-    is_hidden,
-    require_one_recording,
-    storage_suffix,
-)
+from calib_core.readers.container.files import ACCEPTED, RecordingFiles, recording_files
+from calib_core.readers.container.listed import METADATA
+from calib_core.readers.container.names import bare_name, is_compressed, some_of, storage_suffix
 from calib_core.readers.container.recover_mcap import McapRecovery, holds_ros1
 from calib_core.readers.container.recover_ros1 import Ros1Recovery
 from calib_core.readers.container.recover_sqlite import SqliteRecovery
@@ -41,7 +38,6 @@ from calib_core.readers.container.storage import (
 from calib_core.readers.container.unpacked import unpacked_archive
 
 RecordingKind = Literal["ros1", "ros2"]
-_ACCEPTED = "a ROS 1 .bag, a ROS 2 folder, .mcap or .db3, or a .zip or .tar.gz of a bag folder"
 
 
 class OpenRecording:
@@ -81,7 +77,13 @@ class OpenRecording:
     @property
     def damages(self) -> tuple[Damage, ...]:
         """What is damaged, as far as it is known by now: iterating may add to it."""
-        return tuple(damage for storage in self._storages for damage in storage.damages)
+        of_files = tuple(damage for storage in self._storages for damage in storage.damages)
+        return (*missing_parts(self.name, self._found), *of_files)
+
+    @property
+    def beside(self) -> tuple[str, ...]:
+        """Names of the files in its folder that its list does not have: they were left out."""
+        return tuple(file.name for file in self._found.beside)
 
     def topic(self, name: str) -> TopicSummary | None:
         """The topic of this name, or None."""
@@ -101,7 +103,8 @@ class OpenRecording:
         path = self.path
         if is_archive(path):
             path = self._stack.enter_context(unpacked_archive(path))
-        self.files = storage_files(path)
+        self._found = recording_files(path)
+        self.files = self._found.files
         storages: list[Storage] = []
         for file in self.files:
             storage = self._open_file(file)
@@ -110,9 +113,14 @@ class OpenRecording:
         return storages
 
     def _open_file(self, file: Path) -> Storage:
-        if file.suffix in (".zstd", ".zst"):
+        if is_compressed(file):
             folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="unsweep-"))
             file = decompressed_file(file, Path(folder))
+        if file.suffix != file.suffix.lower():  # libraries go by the suffix, in lower case
+            folder = self._stack.enter_context(tempfile.TemporaryDirectory(prefix="unsweep-"))
+            called = Path(folder) / f"{bare_name(file)}{storage_suffix(file)}"
+            called.symlink_to(file.resolve())
+            file = called
         if file.stat().st_size == 0:
             raise UnreadableRecording(f"The file {file.name} is empty; record or copy it again.")
         try:
@@ -123,7 +131,7 @@ class OpenRecording:
             return recovered(file, reason)
         except (StorageError, OSError) as error:
             raise UnreadableRecording(
-                f"The file {file.name} is no readable recording ({plain_reason(error)}); expected {_ACCEPTED}."
+                f"The file {file.name} is no readable recording ({plain_reason(error)}); expected {ACCEPTED}."
             ) from error
 
     def __enter__(self) -> Self:
@@ -144,7 +152,7 @@ def open_recording(path: Path) -> OpenRecording:
 def kind_of(path: Path) -> RecordingKind:
     """Whose messages the recording at `path` holds, by its files' names and an mcap's first words: no more of them is read."""
     with _told_as_unreadable(path), unpacked_archive(path) if is_archive(path) else nullcontext(path) as folder:
-        return _kind(storage_files(folder))
+        return _kind(recording_files(folder).files)
 
 
 def _kind(files: list[Path]) -> RecordingKind:
@@ -165,6 +173,12 @@ def _told_as_unreadable(path: Path) -> Iterator[None]:
             f"The file {error.filename} may not be read by this user; change its mode."
         ) from error
     except OSError as error:
+        if is_for_want_of_room(error):
+            raise UnreadableRecording(
+                f"The recording {path.name} cannot be unpacked: the disk for it is full; free some space, or point TMPDIR at a "
+                "disk with room.",
+                code="disk.full",
+            ) from error
         raise UnreadableRecording(f"The recording {path.name} cannot be read: {error.strerror or error}.") from error
 
 
@@ -177,71 +191,18 @@ def recovered(file: Path, reason: str) -> Storage:
     """The file read without its index. Raises StorageError where nothing of it can be read.   reason: why."""
     if storage_suffix(file) == ".bag":
         return Ros1Recovery(file, reason)
-    return McapRecovery(file, reason) if file.suffix == ".mcap" else SqliteRecovery(file, reason)
+    return McapRecovery(file, reason) if storage_suffix(file) == ".mcap" else SqliteRecovery(file, reason)
 
 
-def storage_files(path: Path) -> list[Path]:
-    """The storage files of a recording: the file itself, or those of a folder in name order.
-
-    The folder's metadata.yaml is not asked for their order: recorders that were killed leave none, and splits are named in order.
-    Raises UnreadableRecording where there is none, or where there are several recordings'.
-    """
-    if not path.exists():
-        raise UnreadableRecording(f"There is no file or folder {path}; give the path of {_ACCEPTED}.")
-    if path.is_file():
-        if storage_suffix(path) not in STORAGE_SUFFIXES:
-            raise UnreadableRecording(f"The file {path.name} is no recording; expected {_ACCEPTED}.")
-        return [path]
-    found = _found(path)
-    if not _listed(found):
-        require_one_recording([f.relative_to(path) for f in found], f"The folder {path.name}", "give one of them")
-    for suffix in STORAGE_SUFFIXES:
-        files = [f for f in found if storage_suffix(f) == suffix]
-        if files:
-            return sorted(files, key=_split_order)
-    raise UnreadableRecording(f"The folder {path.name} holds no .mcap, .db3 or .bag file; expected {_ACCEPTED}.")
-
-
-def _found(path: Path) -> list[Path]:
-    """The storage files in a folder; where it has none, those in the folders in it: what lies below a recording was made of it.
-
-    A folder that is closed to this user counts where no other has any.
-    """
-    found: list[Path] = []
-    closed: PermissionError | None = None
-    for folder in (path, *sorted(p for p in path.iterdir() if p.is_dir() and not is_hidden(p.relative_to(path)))):
-        if found and found[0].parent == path:
-            break
-        try:
-            inside = list(folder.iterdir())
-        except PermissionError as error:
-            closed = error
-            continue
-        found += [
-            f for f in inside if storage_suffix(f) in STORAGE_SUFFIXES and not f.name.startswith(".") and f.is_file()
-        ]
-    if closed is not None and not found:
-        raise closed
-    return found
-
-
-def _listed(files: list[Path]) -> bool:
-    """Whether a metadata.yaml beside all of these names them, whatever they are called: then they are one recording."""
-    folders = {file.parent for file in files}
-    if len(folders) != 1:
-        return False
-    try:
-        text = (folders.pop() / "metadata.yaml").read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return False
-    return all(file.name in text for file in files)
-
-
-def _split_order(file: Path) -> tuple[str, int, str]:
-    """bag_2 before bag_10: the recorder numbers splits without leading zeros."""
-    stem = file.name.split(".")[0]
-    head, _, number = stem.rpartition("_")
-    return (head, int(number), file.name) if number.isdigit() else (stem, -1, file.name)
+def missing_parts(name: str, found: RecordingFiles) -> tuple[Damage, ...]:
+    """That files are not there which the list of the recording called `name` has."""
+    if not found.missing:
+        return ()
+    names = some_of([one.name for one in found.missing])
+    known_s = [one.duration_s for one in found.missing if one.duration_s is not None]
+    lost = f", {sum(known_s):.1f} s of it" if len(known_s) == len(found.missing) else ""
+    text = f"{len(found.missing)} of the {found.listed} files that its {METADATA} lists, {names}{lost}"
+    return (Damage(name, text, "missing"),)
 
 
 def decompressed_file(file: Path, folder: Path) -> Path:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple, Protocol
 
 from calib_core.readers.container.compression import unpack_first, zstd
 from calib_core.readers.container.limits import LIMITS
+from calib_core.readers.container.names import storage_suffix
 from calib_core.readers.container.wire import Encoding
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from calib_core.readers.container.ros1_index import Ros1Index
     from calib_core.readers.container.ros2_index import Reader as Ros2Index
 
+DamageKind = Literal["index", "holes", "cut", "missing"]
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
@@ -61,12 +63,13 @@ class TopicSummary:
 class Damage:
     """What is wrong with a file: one clause for a sentence.
 
-    kind: "index", nothing is lost; "holes", something inside is; "cut", all after lost_from_ns (receive time) is.
+    kind: "index", nothing is lost; "holes", something inside is; "cut", all after lost_from_ns (receive time) is; "missing", of a
+    folder, files are.
     """
 
     file: str
     text: str
-    kind: Literal["index", "holes", "cut"]
+    kind: DamageKind
     lost_from_ns: int = 0
 
 
@@ -112,7 +115,7 @@ class RosbagsStorage:
     def __init__(self, path: Path, recover: Callable[[str], Storage]) -> None:
         self._path = path
         self._recover = recover
-        is_ros1 = path.suffix == ".bag"
+        is_ros1 = storage_suffix(path) == ".bag"
         try:
             self._reader = _reader(path, is_ros1=is_ros1)
             self._reader.open()

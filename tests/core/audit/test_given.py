@@ -116,6 +116,8 @@ def test_a_urdf_is_walked_from_link_to_link() -> None:
         ("extrinsicTrans: [0,0,0]\nextrinsicRot: [1,0,0,0,1,0,0,0,-1]", "right-handed"),
         ("extrinsic_T: [0, 0, 0", "YAML cannot be read"),
         ("extrinsic_T: " + 2000 * "[", "nested too deep"),
+        ("1 0 0 1e160\n0 1 0 0\n0 0 1 0\n0 0 0 1", r"beyond 1e\+06 m"),  # seen: a defect to report
+        ('{"T_imu_lidar": {"translation_m": [0, -1.1e6, 0], "quaternion_xyzw": [0, 0, 0, 1]}}', r"beyond 1e\+06 m"),
     ],
 )
 def test_what_is_no_extrinsic_is_one_sentence(text: str, reason: str) -> None:
@@ -279,3 +281,11 @@ def test_a_file_that_cannot_be_read(tmp_path: Path) -> None:
     for name, reason in (("a", "No such file"), ("b", "not text")):
         with pytest.raises(InputError, match=reason):
             api.read_extrinsic(tmp_path / name)
+
+
+def test_a_refused_result_is_said_to_be_one() -> None:
+    """Seen: "this JSON has no T_imu_lidar; correct it". Mutation: as any document without a mounting."""
+    refused = make_result(np.eye(3), np.zeros(3), 0, status="refused").to_json()
+    with pytest.raises(InputError, match="this result was refused and has none") as caught:
+        parse_extrinsic(refused)
+    assert caught.value.code == "extrinsic.refused"

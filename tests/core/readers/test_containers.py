@@ -14,6 +14,7 @@ import pytest
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.archive import unpack_archive
+from calib_core.readers.container.compression import zstd
 from calib_core.readers.container.opening import open_recording
 from calib_core.readers.load import load
 from calib_core.settings import ReadSettings
@@ -198,3 +199,92 @@ def test_a_folder_hashes_by_name_order_and_content(tmp_path: Path) -> None:
 
     assert recording_sha256(folder) == hashlib.sha256("".join(digests).encode()).hexdigest()
     assert recording_sha256(folder / "b.mcap") == hashlib.sha256(b"two").hexdigest()
+
+
+@pytest.mark.parametrize("name", ["R.BAG", "R.MCAP", "R.Db3", "R.Bag.ACTIVE", "R.MCAP.ZST"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_upper_case_counts_as_lower_case(name: str, packed: bool, tmp_path: Path) -> None:
+    """Seen: "ROOM.BAG is no recording", and an archive of it "holds no .bag". Mutation: suffixes compared as they are."""
+    stored = name.lower().split(".")[1]
+    path = (
+        ros1(None)(tmp_path)
+        if stored == "bag"
+        else ros2("mcap" if stored == "mcap" else "sqlite3", lone=True)(tmp_path)
+    )
+    content = path.read_bytes()
+    path = tmp_path / name
+    path.write_bytes(zstd.compress(content) if name.endswith(".ZST") else content)
+    if packed:
+        with zipfile.ZipFile(tmp_path / "R.ZIP", "w") as archive:
+            archive.write(path, f"R/{name}")
+        path = tmp_path / "R.ZIP"
+    loaded = load(path, ReadSettings())
+    assert (len(loaded.scans), loaded.imu.stamps_ns.size) == (N_SCANS, 150)
+    assert not any(finding.code == "recording.damaged" for finding in loaded.findings)  # read by its index
+
+
+def test_an_encrypted_archive_is_told_to_be_one(tmp_path: Path) -> None:
+    """Seen: "is damaged (File <ZipInfo filename=...> is encrypted, ...); copy or pack it again". Mutation: not looked at."""
+    path = zipped(tmp_path)
+    content = bytearray(path.read_bytes())
+    for mark, flags in ((b"PK\3\4", 6), (b"PK\1\2", 8)):  # the format's own bit, in both of a member's headers
+        at = content.find(mark)
+        while at >= 0:
+            content[at + flags] |= 1
+            at = content.find(mark, at + 4)
+    path.write_bytes(content)
+    with pytest.raises(UnreadableRecording, match=r"^The archive r\.zip is encrypted; unpack it with its password"):
+        open_recording(path)
+
+
+@pytest.mark.parametrize("packed", ["zip", "tar"])
+def test_links_in_an_archive_are_passed_over_and_told_where_there_is_nothing_else(packed: str, tmp_path: Path) -> None:
+    """Seen: where it leads read as a recording, "file is not a database". Mutation: a link's bytes taken for a file's."""
+    path = ros2("sqlite3", lone=True)(tmp_path)
+    archive = tmp_path / f"r.{packed}"
+
+    def pack(*, with_file: bool) -> None:
+        if packed == "tar":
+            with tarfile.open(archive, "w") as out:
+                member = tarfile.TarInfo("room/link_0.db3")
+                member.type, member.linkname = tarfile.SYMTYPE, str(path)
+                out.addfile(member)
+                if with_file:
+                    out.add(path, "room/r.db3")
+            return
+        with zipfile.ZipFile(archive, "w") as out:
+            info = zipfile.ZipInfo("room/link_0.db3")
+            info.create_system, info.external_attr = 3, 0o120777 << 16
+            out.writestr(info, str(path))
+            if with_file:
+                out.write(path, "room/r.db3")
+
+    pack(with_file=False)
+    with pytest.raises(UnreadableRecording, match=r"holds no recording but links to it \(room/link_0\.db3\)"):
+        open_recording(archive)
+    pack(with_file=True)
+    with open_recording(archive) as opened:
+        assert [file.name for file in opened.files] == ["r.db3"]
+
+
+def test_an_archive_with_a_list_is_one_recording_whatever_its_files_are_called(tmp_path: Path) -> None:
+    """As a folder is, and as the browser packs one: the list first. Mutations: the list not asked; believed of files that it does
+    not name.
+    """
+    text = "relative_file_paths:\n  - morning.mcap\n  - noon.mcap\n"
+
+    def pack(*names: str) -> Path:
+        with zipfile.ZipFile(tmp_path / "day.zip", "w") as archive:
+            for name in names:
+                archive.writestr(f"day/{name}", text if name == "metadata.yaml" else "-")
+        return tmp_path / "day.zip"
+
+    for name in ("out", "again"):
+        (tmp_path / name).mkdir()
+    unpack_archive(pack("metadata.yaml", "morning.mcap", "noon.mcap"), tmp_path / "out")
+    assert {file.name for file in (tmp_path / "out").iterdir()} == {"metadata.yaml", "morning.mcap", "noon.mcap"}
+    with pytest.raises(UnreadableRecording, match="holds 3 recordings"):
+        unpack_archive(pack("metadata.yaml", "morning.mcap", "night.mcap", "noon.mcap"), tmp_path / "again")
+    (tmp_path / "late").mkdir()
+    with pytest.raises(UnreadableRecording, match="holds 2 recordings"):  # the list too late to say so
+        unpack_archive(pack("morning.mcap", "noon.mcap", "metadata.yaml"), tmp_path / "late")

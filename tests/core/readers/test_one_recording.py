@@ -11,8 +11,9 @@ import pytest
 
 from calib_core.errors import UnreadableRecording
 from calib_core.readers.container.archive import unpack_archive
+from calib_core.readers.container.files import recording_files
 from calib_core.readers.container.one_recording import require_one_recording
-from calib_core.readers.container.opening import open_recording, storage_files
+from calib_core.readers.container.opening import open_recording
 from tests.core.readers import build
 
 Packed = Callable[[Path, list[str]], Path]
@@ -112,31 +113,40 @@ def test_a_folder_of_two_recordings_is_refused_with_both(names: list[str], tmp_p
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(b"-")
     with pytest.raises(UnreadableRecording) as caught:
-        storage_files(tmp_path)
+        recording_files(tmp_path)
     one, other = sorted(names)
     assert str(caught.value) == f"The folder {tmp_path.name} holds 2 recordings, {one} and {other}; give one of them."
 
 
 @pytest.mark.parametrize("inside", [".", "room"])
 def test_files_that_metadata_name_are_one_recording_whatever_their_names(inside: str, tmp_path: Path) -> None:
-    """Mutations: it is not asked; it is believed of files that it does not name; of files in other folders."""
+    """Mutations: it is not asked; files that it does not name are read too; it is believed where none of its files is there,
+    or of files in other folders.
+    """
     (tmp_path / inside).mkdir(exist_ok=True)
     for name in ("morning.mcap", "noon.mcap"):
         (tmp_path / inside / name).write_bytes(b"-")
     listed = "relative_file_paths:\n  - morning.mcap\n  - noon.mcap\n"
     (tmp_path / inside / "metadata.yaml").write_text(listed)
-    assert [file.name for file in storage_files(tmp_path)] == ["morning.mcap", "noon.mcap"]
+    assert [file.name for file in recording_files(tmp_path).files] == ["morning.mcap", "noon.mcap"]
     (tmp_path / "old").mkdir()
     (tmp_path / "old" / "noon.mcap").write_bytes(b"-")
     if inside == "room":  # another beside it; below it, it is what somebody made of it
         with pytest.raises(UnreadableRecording, match="holds 3 recordings"):
-            storage_files(tmp_path)
+            recording_files(tmp_path)
     else:
-        assert len(storage_files(tmp_path)) == 2
+        assert len(recording_files(tmp_path).files) == 2
     (tmp_path / "old" / "noon.mcap").unlink()
     (tmp_path / inside / "night.mcap").write_bytes(b"-")
+    found = recording_files(tmp_path)
+    assert ([f.name for f in found.files], [f.name for f in found.beside]) == (
+        ["morning.mcap", "noon.mcap"],
+        ["night.mcap"],
+    )
+    for name in ("morning.mcap", "noon.mcap"):  # the list of another recording
+        (tmp_path / inside / name).rename(tmp_path / inside / f"another-{name}")
     with pytest.raises(UnreadableRecording, match="holds 3 recordings"):
-        storage_files(tmp_path)
+        recording_files(tmp_path)
 
 
 def test_hidden_files_are_no_recordings(tmp_path: Path) -> None:
@@ -175,7 +185,7 @@ def test_a_closed_folder_beside_a_recording_is_passed_over(
         with pytest.raises(UnreadableRecording, match=r"lost\+found may not be read by this user"):
             open_recording(tmp_path)
     else:
-        assert storage_files(tmp_path) == [tmp_path / "h.bag"]
+        assert recording_files(tmp_path).files == [tmp_path / "h.bag"]
 
 
 def test_what_somebody_made_of_a_recording_below_it_is_passed_over(tmp_path: Path) -> None:
@@ -183,4 +193,4 @@ def test_what_somebody_made_of_a_recording_below_it_is_passed_over(tmp_path: Pat
     (tmp_path / "results").mkdir()
     for name in ("h.bag", "results/deskewed.bag"):
         (tmp_path / name).write_bytes(b"-")
-    assert [file.name for file in storage_files(tmp_path)] == ["h.bag"]
+    assert [file.name for file in recording_files(tmp_path).files] == ["h.bag"]

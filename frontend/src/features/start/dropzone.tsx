@@ -59,7 +59,7 @@ export function DropZone({ children }: { children: ReactNode }) {
         hidden
         multiple
         data-testid="file-input"
-        accept={[...(facts.data?.upload_suffixes ?? []), ".zst", ".zstd"].join(",")}
+        accept={[...(facts.data?.upload_suffixes ?? []), ".zst", ".zstd", ".active"].join(",")}
         onChange={(event) => {
           const files = [...(event.currentTarget.files ?? [])];
           event.currentTarget.value = "";

@@ -6,9 +6,9 @@ export interface FoundFile {
   file: File;
 }
 
-const storage = /\.(bag|mcap|db3)(\.zst(d)?)?$/i;
-const archive = /\.(zip|tar|tgz|tar\.gz)$/i;
-const split = /^(.*?)_\d+\.(bag|mcap|db3)(\.zst(d)?)?$/i;
+const storage = /\.(bag|mcap|db3)(\.(zstd?|active))?$/i;
+const archive = /\.(zip|tar|tgz|tar\.(gz|bz2|xz))$/i;
+const split = /^(.*?)_\d+\.(bag|mcap|db3)(\.(zstd?|active))?$/i;
 
 /** Everything below what was dropped. Must be called while the drop event is handled: its items do not outlive it. */
 export async function filesOfDrop(transfer: DataTransfer): Promise<FoundFile[]> {
@@ -63,9 +63,11 @@ export function recordingOf(found: readonly FoundFile[]): File {
     throw new Error(`These are ${stems.size} recordings (${named([...stems])}); drop one of them at a time.`);
   }
   const name = first.folder === "" ? ([...stems][0] ?? "recording") : top(first.folder, true);
+  // The list first: it says which pieces there are, and whether some are missing.
+  const listed = found.filter(({ folder, file }) => folder === first.folder && file.name === "metadata.yaml");
   return tarOf(
     `${name}.tar`,
-    parts.map(({ file }) => ({ name: file.name, file })),
+    [...listed, ...parts].map(({ file }) => ({ name: file.name, file })),
   );
 }
 
