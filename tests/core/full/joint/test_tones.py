@@ -234,8 +234,8 @@ def test_tones_are_heard_anew_from_rounds_without_any(half: Half, monkeypatch: p
 
 
 def test_three_lines_with_overlapping_feet_are_no_lines(half: Half, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half a recording of 20 s: a turn is a tenth of a hertz. Mutations: two are too many; those far away count; an engine's too;
-    looked for again afterwards.
+    """Of three seconds: a turn is a third of a hertz. Mutations: two are too many; those far away count; an engine's too,
+    quicker than hands; an engine's never; looked for again afterwards.
     """
     turn_hz = 1.0 / float(np.ptp(half.data.readings.knots_s[: half.state.knots]))
     monkeypatch.setattr(tones, "told", lambda _data, state, *_: state)
@@ -250,7 +250,10 @@ def test_three_lines_with_overlapping_feet_are_no_lines(half: Half, monkeypatch:
     assert len(admitted(3.0, 5.0).nuisance.tones_hz) == 2
     assert len(admitted(3.0, 5.0, 9.5).nuisance.tones_hz) == 3
     assert admitted(9.5, 3.0, 6.5).nuisance.tones_hz == ()
-    assert len(admitted(3.0, 5.0, 6.5, shaken=True).nuisance.tones_hz) == 3
+    assert admitted(1.0, 2.5, 4.5, shaken=True).nuisance.tones_hz == ()
+    assert len(admitted(43.0, 45.0, 46.5, 1.0, shaken=True).nuisance.tones_hz) == 4
+    assert len(admitted(3.0, 19.0, 21.0, shaken=True).nuisance.tones_hz) == 3
+    assert admitted(43.0, 45.0, 46.5).nuisance.tones_hz == ()
     hump = admitted(3.0, 5.0, 6.5)
     assert hump.nuisance == half.state.nuisance
     assert hump.nuisance.tones_hz == ()
