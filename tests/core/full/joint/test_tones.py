@@ -241,7 +241,7 @@ def test_three_lines_with_overlapping_feet_are_no_lines(half: Half, monkeypatch:
     monkeypatch.setattr(tones, "told", lambda _data, state, *_: state)
 
     def admitted(*turns: float, shaken: bool = False) -> Estimation:
-        left = iter([*([Explaining(each * turn_hz, 900.0 - each)] for each in turns), []])
+        left = iter([*([Explaining(each * turn_hz, 900.0 - k)] for k, each in enumerate(turns)), []])
         monkeypatch.setattr(tones, "found_tones", lambda *_, **__: next(left))
         run = replace(half.data.run, noise=replace(half.data.run.noise, shaken=shaken))
         data = replace(half.data, run=run)
