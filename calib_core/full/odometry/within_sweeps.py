@@ -116,8 +116,8 @@ def _share(within_rad_s: FloatArray, expected_rad_s: FloatArray) -> WithinSweeps
 def require_measured_sweeps(run: Run, motions: Sequence[ScanMotion]) -> None:
     """Raises Refused where the points' times are not those at which they were measured; says where they seem off.
 
-    Of a track that the lidar alone was followed by. Where it went astray, rates within sweeps are as wrong as what they are held
-    against: nothing is refused that one factor does not explain.
+    Of a track that the lidar alone was followed by. Where it went astray, rates within sweeps are as wrong as those between them,
+    and nothing is refused that one factor does not explain.
     """
     expected = "the lidar's rotation from one to the next"
     found = turning_within(run, motions)

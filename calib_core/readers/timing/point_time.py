@@ -38,10 +38,16 @@ _OTHER_NAMES = frozenset(
     | {"flags", "normal_x", "normal_y", "normal_z", "layer", "echo", "velocity", "scan_id", "scan_idx"}
     | {"is_2nd_return", "row", "column", "col", "laser_id"}
 )
+#: Less sure than this, a reading is a warning.
+_SURE = 0.5
 #: Below this share of forward steps a field is no clock but some quantity that merely has a fitting spread.
 _MIN_ORDER = 0.6
 _RATIO_GOOD = (0.5, 1.15)
 _RATIO_POSSIBLE = (0.05, 1.4)
+#: A rotor that looks to one side only is done with that part of its turn: by its azimuths, so many bins a turn, within so much.
+_BINS, _COVERED = 72, 0.1
+#: So many clouds tell which part it is.
+_COVERED_BY = 3
 #: Of a field that no name says to be a time: a running number, or a bearing, fits some unit at a tenth of a sweep as well.
 _LEAST_UNNAMED = 0.8
 
@@ -80,11 +86,21 @@ class _FieldSample:
 
 @dataclass(frozen=True, slots=True)
 class _Hypothesis:
+    """ratio: span within a scan over the time between scans.   drift: change from scan to scan over that time.   fit, order,
+    clock: 0 to 1, how well span, order of the points and drift are those of a time."""
+
     sample: _FieldSample
     unit: Unit
     ratio: float
     drift: float
-    score: float
+    fit: float
+    order: float
+    clock: float
+
+    @property
+    def score(self) -> float:
+        """1 for a clock that runs through the sweep, from scan to scan, and is named as one."""
+        return self.fit * self.order * self.clock * (1.0 if self.sample.named else 0.7)
 
 
 def raw_times(points: StructArray, field: str) -> IntArray | FloatArray:
@@ -137,8 +153,20 @@ def _says_time(name: str) -> bool:
     return any(word in name.lower() for word in ("time", "stamp"))
 
 
-def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit], *, asked: bool) -> list[_Hypothesis]:
-    """One per unit whose spread is possible; best first. asked: somebody has named the field."""
+def _part_of_a_turn(clouds: Sequence[RawCloud], returns: Sequence[IntArray]) -> float:
+    """How much of a turn the returns cover."""
+    parts = []
+    for cloud, rows in zip(clouds[:_COVERED_BY], returns, strict=False):
+        x, y = (cloud.points[axis][rows].astype(np.float64) for axis in "xy")
+        bins = ((np.arctan2(y, x) / (2.0 * np.pi) + 0.5) * _BINS).astype(np.int64) % _BINS
+        parts.append(np.unique(bins).size / _BINS)
+    return float(np.median(parts))
+
+
+def _hypotheses(
+    sample: _FieldSample, period_s: float, units: Sequence[Unit], *, covered: float, asked: bool
+) -> list[_Hypothesis]:
+    """One per unit whose spread is possible; best first. covered: of a turn.   asked: somebody has named the field."""
     good = np.isfinite(sample.q01)
     if np.count_nonzero(good) == 0:
         return []
@@ -151,13 +179,13 @@ def _hypotheses(sample: _FieldSample, period_s: float, units: Sequence[Unit], *,
         least = _RATIO_POSSIBLE[0] if asked or sample.named or _says_time(sample.name) else _LEAST_UNNAMED
         if not least <= ratio <= _RATIO_POSSIBLE[1]:
             continue
-        inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1]
+        inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1] or abs(ratio - covered) <= _COVERED
         fit = 1.0 if inside else 0.4
         order = min(1.0, sample.order / 0.9)
         drift = step * NS_PER_UNIT[unit] * 1e-9 / period_s
         # A clock either stands (relative) or gains one period per scan (absolute); anything between is no clock.
         clock = math.exp(-8.0 * min(abs(drift), abs(drift - 1.0)))
-        found.append(_Hypothesis(sample, unit, ratio, drift, fit * order * clock * (1.0 if sample.named else 0.7)))
+        found.append(_Hypothesis(sample, unit, ratio, drift, fit, order, clock))
     return sorted(found, key=lambda h: -h.score)
 
 
@@ -199,11 +227,12 @@ def detect_point_time(
         ("s", "ms", "us", "ns") if settings.point_time_unit is None else (settings.point_time_unit,)
     )
     forced = settings.point_time_field is not None
+    covered = _part_of_a_turn(sampled, returns)
     found = [
         h
         for sample in samples
         if forced or sample.order >= _MIN_ORDER or (sample.named and sample.order > 0)
-        for h in _hypotheses(sample, period_s, units, asked=forced)
+        for h in _hypotheses(sample, period_s, units, covered=covered, asked=forced)
     ]
     found.sort(key=lambda h: -h.score)
     if not found:
@@ -277,9 +306,11 @@ def _timing(
     amid = reference != "absolute" and min(-begin_ns, end_ns) > _AMID * period_s * 1e9
     counted = "counted from the header, which is amid the sweep" if amid else _REFERENCE_TEXT[reference]
     text = f"Point times on {topic} are field {best.sample.name!r} in {best.unit}, {counted}."
+    if confidence < _SURE:
+        text += f" It is not sure: {_doubt(best, runner_up, len(clouds))}."
     finding = Finding(
         code="points.time_field",
-        level="info" if confidence >= 0.5 else "warning",
+        level="info" if confidence >= _SURE else "warning",
         text=text,
         evidence=evidence,
         confidence=round(confidence, 3),
@@ -288,6 +319,18 @@ def _timing(
         f" --point-time-reference {reference}",
     )
     return timing, (finding, *extra)
+
+
+def _doubt(best: _Hypothesis, runner_up: float, scans: int) -> str:
+    """What speaks against the best hypothesis the most."""
+    doubts = [
+        (best.fit, f"it spans {best.ratio:.2f} of the time from scan to scan"),
+        (best.order, f"only {best.sample.order:.0%} of its steps go forward"),
+        (best.clock, f"it gains {best.drift:.2f} periods a scan, where a clock gains 0 or 1"),
+        (1.0 - 0.5 * runner_up, "another reading of the fields fits nearly as well"),
+        (0.5 + scans / 100, f"{scans} scans tell little"),
+    ]
+    return min(doubts)[1]
 
 
 def last_point_after_header_s(findings: Sequence[Finding]) -> float:

@@ -149,6 +149,26 @@ def test_where_the_header_is_in_its_sweep_is_said(name: str, said: str) -> None:
     assert finding.text.endswith(said)
 
 
+@pytest.mark.parametrize(("seen_deg", "sure"), [(150.0, True), (360.0, False)])
+def test_a_rotor_that_looks_to_one_side_is_done_sooner(seen_deg: float, sure: bool) -> None:
+    """Seen: of lidars that see 150 deg the time was a warning without a reason. Of one that sees all around, two fifths of a turn
+    are odd, and it is said what is. Mutations: what is seen left out; the reason left out; another one.
+    """
+    share = 150.0 / 360.0
+
+    def made(k: int) -> RawCloud:
+        one = cloud(k, "time", "<f4", lambda t, s: share * t)
+        azimuth = np.radians(seen_deg) * np.linspace(-0.5, 0.5, len(one.points))
+        one.points["x"], one.points["y"] = 5.0 * np.cos(azimuth), 5.0 * np.sin(azimuth)
+        return one
+
+    finding = detect_point_time([made(k) for k in range(N)], ReadSettings(), topic="/p")[1][0]
+    assert (finding.level == "info") is sure
+    assert (finding.confidence > 0.5) is sure
+    said = finding.text.partition("first point's time.")[2].strip()
+    assert said == ("" if sure else "It is not sure: it spans 0.42 of the time from scan to scan.")
+
+
 def test_few_scans_mean_less_confidence() -> None:
     """Mutation: leave the number of scans out of the confidence."""
     many = detect_point_time([cloud(k, "time", "<f4", lambda t, s: t) for k in range(N)], ReadSettings(), topic="/p")[1]
