@@ -42,14 +42,14 @@ class WithinSweeps:
     misfit: float
     spans: int
 
-    def is_off(self, least: float) -> bool:
+    def is_off(self, least: float, bent: float) -> bool:
         """Whether wrong times make the share other than one: by so much at least, beyond chance, and beyond what bends a track.
 
         Wrong times make all rates too large or too small by one factor. Planes that are bent, or hardly hold the lidar, bend the
         rates in every way, and alike from span to span: the share takes its part of that, and its scatter knows nothing. Rates of
         which no factor explains the larger part are none that wrong times make.
         """
-        off = abs(self.share - 1.0) > max(least, WITHIN.sigmas * self.std, WITHIN.misfit_share * self.misfit)
+        off = abs(self.share - 1.0) > max(least, WITHIN.sigmas * self.std, bent * self.misfit)
         return off and self.share > self.misfit
 
 
@@ -121,7 +121,9 @@ def require_measured_sweeps(run: Run, motions: Sequence[ScanMotion]) -> None:
     """
     expected = "the lidar's rotation from one to the next"
     found = turning_within(run, motions)
-    _require(run, found, WITHIN.straightened, expected, WITHIN.least_off, bent=WITHIN.misfit_share)
+    _require(
+        run, found, WITHIN.straightened, expected, WITHIN.least_off, bent=WITHIN.misfit_share, off=WITHIN.misfit_share
+    )
 
 
 def require_measured_scans(run: Run, followed: Followed) -> None:
@@ -132,14 +134,15 @@ def require_measured_scans(run: Run, followed: Followed) -> None:
     """
     least = WITHIN.led_straightened
     expected = "the rotation that the gyroscope measured"
-    _require(run, turning_freed(run, followed), least, expected, 1.0 - least, bent=WITHIN.led_misfit_share)
+    found, bent, off = turning_freed(run, followed), WITHIN.led_misfit_share, WITHIN.led_misfit_off
+    _require(run, found, least, expected, 1.0 - least, bent=bent, off=off)
 
 
 def _require(
-    run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float, *, bent: float
+    run: Run, found: WithinSweeps | None, least: float, expected: str, least_off: float, *, bent: float, off: float
 ) -> None:
     """least: share that raw clouds show.   expected: of what it is.   least_off: how far from one times are called off.
-    bent: how many times the misfit the share may be off by what bends the track."""
+    bent, off: how many times the misfit the share may be too small, or else than one, by what bends the track."""
     if found is None:
         return
     share, wide = found.share, max(WITHIN.sigmas * found.std, bent * found.misfit)
@@ -156,7 +159,7 @@ def _require(
             f"the motion was taken out of the clouds before they were recorded, or the points' times are not those of their "
             f"measurement: {shown}; expected 1; record the driver's own clouds, with its motion compensation switched off",
         )
-    if found.is_off(least_off):
+    if found.is_off(least_off, off):
         run.say(
             "warning",
             "points.times_off",
