@@ -129,5 +129,6 @@ def test_installing_compiles():
     makefile = (ROOT / "Makefile").read_text()
     rules = {line.split(":")[0]: line for line in makefile.splitlines() if ":" in line}
     assert "$(STAMPS)/kernels" in rules["run"]
-    assert "$(STAMPS)/kernels" in rules["test"]
+    assert "ready" in rules["test"]
+    assert "$(STAMPS)/kernels" in rules["ready"]
     assert "RUN unsweep compile-kernels" in (ROOT / "docker" / "Dockerfile").read_text()
