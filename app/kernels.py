@@ -1,8 +1,8 @@
 """Compiled loops made ready when the program is installed, not in somebody's first click.
 
-Which loops with which types, a calibration knows best: a process runs two small ones in a row, each with what the other has not,
-and Numba keeps what it compiles. Side by side, each of two would compile what both have, and that is nearly all. A note beside the
-caches says for which program and processor that was done.
+Which loops with which types, a calibration knows best: one process runs two small ones in a row, each with what the other lacks,
+and Numba keeps what it compiles. Two processes would both compile what both have, which is nearly all. A note beside the caches
+says for which program and processor that was done.
 """
 
 from __future__ import annotations

@@ -187,7 +187,7 @@ def find_hits(
     x_hit = np.zeros((n, 3))
     d, cosine, beside = np.zeros(n), np.zeros(n), np.zeros(n)
     first = np.zeros(n, np.int64) if first_slice is None else first_slice
-    # A copy in order: of a field of records and of an array of its own, that may be written to or not, loops were compiled for each.
+    # A copy in order: the loop was compiled for a field of records and for an array of its own, to be written to or not.
     in_order = np.array(points_m, order="C")
     hits_kernel(in_order, offset_s, first, seen, plane, index, x_hit, d, cosine, beside)
     return Hits(plane, index, x_hit, d, cosine, beside, points_m if published_m is None else published_m, poses)
