@@ -42,7 +42,7 @@ run: system-run client $(STAMPS)/kernels
 	@$(BIN)/unsweep serve --host $(HOST) --port $(PORT)
 
 # All that the tests and the checks need. Afterwards the two run side by side; it may itself be made with several jobs.
-ready: system-test $(STAMPS)/kernels client modules $(STAMPS)/test
+ready: system-test $(STAMPS)/kernels client modules $(STAMPS)/test $(STAMPS)/collected
 
 # One more than there are cores: a third of the tests wait for servers and for the browser.
 TEST_WORKERS ?= $(shell expr $$(nproc) + 1)
@@ -97,6 +97,12 @@ $(STAMPS)/requirements: requirements.txt requirements-build.txt | $(STAMPS)/venv
 $(STAMPS)/test: requirements-test.txt $(STAMPS)/requirements | $(STAMPS)/project
 	@echo "Installing what the tests need"
 	@$(INSTALL) --require-hashes -r requirements-test.txt
+	@touch $@
+
+# pytest rewrites the assertions of every file and keeps what comes of it: once here rather than in each of its workers at once.
+$(STAMPS)/collected: $(shell find tests bench -name '*.py') $(STAMPS)/test
+	@echo "Reading the tests"
+	@$(BIN)/python -m pytest --collect-only --quiet > /dev/null || true
 	@touch $@
 
 # Editable, and without isolation: what it is built with is pinned like the rest.
