@@ -147,21 +147,14 @@ def test_an_audit_without_a_network_says_so_and_does_not_fail(code, out, err, ex
     assert words in sentences
 
 
-def test_integration_lists_and_audits_the_parts_after_the_tests():
-    """Mutations: either left out of .ci/run; pytest's closing line printed before them."""
-    run = (ROOT / ".ci" / "run").read_text()
-    order = [run.index(words) for words in ("make ready", "make test", "make sbom", "make audit", "grep -E")]
-    assert order == sorted(order)
-
-
 def integrated(folder: Path, failing: str) -> subprocess.CompletedProcess[str]:
-    """.ci/run with a `make` that fails at one target, and whose checks and tests both wait until the other has begun."""
+    """.ci/run with a `make` that fails at one target. The tests wait until the audit has begun, and the checks for the tests."""
     (folder / ".ci").mkdir()
     (folder / "make").write_text(
         f"""#!/bin/sh
 echo make $1
 touch begun-$1
-case $1 in check) other=test;; test) other=check;; *) other=$1;; esac
+case $1 in check) other=test;; test) other=audit;; *) other=$1;; esac
 until [ -e begun-$other ]; do sleep 0.02; done
 [ $1 = test ] && echo '=== 3 passed in 1.2s ==='
 [ $1 = check ] && echo '=== 4 failed in 1.3s ==='
@@ -179,16 +172,17 @@ exit 0
 def test_integration_is_red_where_a_check_or_a_test_fails(tmp_path: Path, failing: str, exit_code: int):
     """An unformatted commit is red, its tests are run all the same, and their closing line is the last.
 
-    Mutations: leave `make check` out, or its outcome, or what it says; stop where it fails; run the tests only after it; take the
-    closing line from what it says.
+    Mutations: leave `make check`, the list or the audit out; the outcome of one of them left out, or of the audit not; stop where
+    the checks fail, or forget what they say; run the tests only after them; the closing line before the list, or theirs.
     """
     done = integrated(tmp_path, failing)
     told = done.stdout.splitlines()
     assert done.returncode == exit_code
     assert [line for line in told if line.startswith("make ") and " " not in line[5:]] == [
-        f"make {target}" for target in ("ready", "test", "check", "sbom", "audit")
+        f"make {target}" for target in ("ready", "test", "check", "audit", "sbom")
     ]
     assert told[-1] == "=== 3 passed in 1.2s ==="
+    assert ("make check did not pass; what it says is above." in told) == (failing == "check")
 
 
 def test_integration_ends_where_what_it_needs_cannot_be_installed(tmp_path: Path):
