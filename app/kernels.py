@@ -1,7 +1,8 @@
 """Compiled loops made ready when the program is installed, not in somebody's first click.
 
-Which loops with which types, a calibration knows best: two processes run small ones side by side, each with what the other
-has not, and Numba keeps what it compiles. A note beside the caches says for which program and processor that was done.
+Which loops with which types, a calibration knows best: one process runs two small ones in a row, each with what the other lacks,
+and Numba keeps what it compiles. Two processes would both compile what both have, which is nearly all. A note beside the caches
+says for which program and processor that was done.
 """
 
 from __future__ import annotations
@@ -19,7 +20,6 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal, get_args
 
 from calib_core import __version__, api
 from calib_core.errors import InputError
@@ -27,11 +27,10 @@ from calib_core.settings import CalibrateSettings
 
 #: Set, a server's first start compiles nothing: for tests, and for machines that are thrown away.
 SKIP_VARIABLE = "UNSWEEP_SKIP_COMPILE"
-Errand = Literal["estimated", "ideal"]
 
 #: The shortest recording of the paper's room that is calibrated: two seconds of standing still, then turns.
 _DURATION_S = 8.0
-_ERRAND = ["-m", "app.kernels"]
+_ERRAND = ["-m", "app.kernels", "loops"]
 _BACKGROUND = ["-m", "app.kernels", "all"]
 #: Nobody waits for what a server compiles beside its work.
 _PATIENCE = 10
@@ -41,22 +40,9 @@ _LIBRARY = Path(api.__file__).parent
 
 
 def compile_kernels() -> None:
-    """Compile in processes side by side. Raises InputError where one fails; the program still works without."""
-    with tempfile.TemporaryDirectory(prefix="unsweep-kernels-") as folder:
-        bag = Path(folder) / "room.bag"
-        api.simulate("paper-normal", bag, duration_s=_DURATION_S)
-        errands = [
-            subprocess.Popen(
-                [sys.executable, *_ERRAND, errand, str(bag)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-            )
-            for errand in get_args(Errand)
-        ]
-        try:
-            codes = [process.wait() for process in errands]
-        finally:
-            for process in errands:
-                process.kill()
-    if any(codes):
+    """Compile in a process. Raises InputError where it fails; the program still works without."""
+    command = [sys.executable, *_ERRAND]
+    if subprocess.run(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, check=False).returncode:
         raise InputError(
             "The calibration that compiles unsweep's loops failed; they are compiled in the first calibration instead."
         )
@@ -113,12 +99,13 @@ def note_path() -> Path:
     return (Path(own) if own else home / "unsweep") / f"compiled-{told.hexdigest()[:16]}"
 
 
-def run_errand(errand: Errand, bag: Path) -> None:
-    """Read, and calibrate with the sensors' own parameters or without; the second also examines."""
-    recording = api.load(bag)
-    if errand == "estimated":
+def run_errand() -> None:
+    """Read a recording, calibrate it with the sensors' own parameters and without, and examine it."""
+    with tempfile.TemporaryDirectory(prefix="unsweep-kernels-") as folder:
+        bag = Path(folder) / "room.bag"
+        api.simulate("paper-normal", bag, duration_s=_DURATION_S)
+        recording = api.load(bag)
         api.calibrate(recording, CalibrateSettings(intrinsics="auto"))
-    else:
         api.calibrate(recording, CalibrateSettings(intrinsics="off", max_rounds=2))
         api.inspect(bag)
 
@@ -133,12 +120,12 @@ def _processor() -> str:
 
 
 def main(arguments: Sequence[str]) -> None:
-    """A process that compiles: `all`, or an errand and a bag."""
+    """A process that compiles: `all`, with the note when it is done, or the `loops` alone."""
     if arguments[0] == "all":
         os.nice(_PATIENCE)
         compile_kernels()
         return
-    run_errand("estimated" if arguments[0] == "estimated" else "ideal", Path(arguments[1]))
+    run_errand()
 
 
 if __name__ == "__main__":

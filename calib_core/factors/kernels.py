@@ -121,9 +121,9 @@ def faces_along(x: float, y: float, z: float, sieve_m: float) -> tuple[float, fl
 def faces_kernel(published_m: Float32Array, sieve_m: float, faces_m: FloatArray) -> None:
     """Fills faces_m (N, 2) with `faces_along` of returns (N, 3)."""
     for i in range(published_m.shape[0]):
-        faces_m[i] = faces_along(
-            np.float64(published_m[i, 0]), np.float64(published_m[i, 1]), np.float64(published_m[i, 2]), sieve_m
-        )
+        x, y, z = np.float64(published_m[i, 0]), np.float64(published_m[i, 1]), np.float64(published_m[i, 2])
+        # One by one: for a row from a pair the compiler also makes words that say how they do not fit, in four seconds.
+        faces_m[i, 0], faces_m[i, 1] = faces_along(x, y, z, sieve_m)
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")

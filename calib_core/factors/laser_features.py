@@ -89,8 +89,8 @@ class LaserErrors:
 
     def corrected(self, xyz: Float32Array, laser: LaserArray) -> Float32Array:
         """(N, 3) points as they would be without their laser's errors."""
-        out = np.empty_like(xyz)
-        correct_kernel(xyz, laser, self.table(), out)
+        out = np.empty(xyz.shape, xyz.dtype)
+        correct_kernel(np.array(xyz, order="C"), np.array(laser, order="C"), self.table(), out)
         return out
 
 

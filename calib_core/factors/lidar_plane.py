@@ -187,7 +187,9 @@ def find_hits(
     x_hit = np.zeros((n, 3))
     d, cosine, beside = np.zeros(n), np.zeros(n), np.zeros(n)
     first = np.zeros(n, np.int64) if first_slice is None else first_slice
-    hits_kernel(points_m, offset_s, first, seen, plane, index, x_hit, d, cosine, beside)
+    # A copy in order: the loop was compiled for a field of records and for an array of its own, to be written to or not.
+    in_order = np.array(points_m, order="C")
+    hits_kernel(in_order, offset_s, first, seen, plane, index, x_hit, d, cosine, beside)
     return Hits(plane, index, x_hit, d, cosine, beside, points_m if published_m is None else published_m, poses)
 
 

@@ -70,6 +70,12 @@ def page(beside):
     return report_page(result.model_copy(update={"quality": quality, "provenance": provenance}), beside)
 
 
+@pytest.fixture
+def unrendered(monkeypatch):
+    """Pages are asked for their words, captions included: to render the pictures is all of their time."""
+    monkeypatch.setattr(plots.Canvas, "svg", lambda _: "data:image/svg+xml,")
+
+
 def test_the_page_says_what_one_signs_for(page):
     """Mutations: the date, the settings, the hash or the command left out; the recording's name not escaped."""
     for said in (
@@ -88,6 +94,7 @@ def test_the_page_says_what_one_signs_for(page):
     assert NAME not in page
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_no_sigma_stands_beside_an_angle_that_it_is_not_of():
     """Drawn from the covariance, roll, pitch and yaw of a lidar on its side scatter otherwise than turns about its axes do.
 
@@ -113,6 +120,7 @@ def test_no_sigma_stands_beside_an_angle_that_it_is_not_of():
     assert [told[f"Turn about the lidar's {axis} [deg]"] for axis in "xyz"] == ["0.090", "0.36", "0.050"]
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_sensors_own_errors_stand_kind_by_kind():
     """Mutations: the largest for the surest; radians; a sign of nothing; considered and estimated of a kind as one."""
 
@@ -144,6 +152,7 @@ def test_the_sensors_own_errors_stand_kind_by_kind():
     assert "own errors</h2>" not in report_page(result.model_copy(update={"intrinsics": []}))
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_offset_has_the_instant_at_which_it_holds():
     """Mutations: the instant, or the way the offset goes on from there, left out; a rate of -0.04 ± 4.2 told as "-0.0"; clocks
     that were taken to run alike told to do so.
@@ -186,6 +195,7 @@ def test_a_run_without_an_answer_has_its_page_too():
     assert "signature" in page
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_an_answer_whose_parts_disagree_says_so_once_and_not_in_green():
     """Oracle: the page on the screen. Mutations: the colour by status; the word of the verdict said twice."""
     result = world.make_result()
@@ -247,6 +257,7 @@ def test_every_axis_has_three_ticks_however_low(beside):
         assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 3
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_a_command_is_broken_before_its_options_only():
     """Oracle: the shell's own words. Mutation: broken at every hyphen, or inside of a quoted name."""
     command = "unsweep calibrate 'a -- b.bag' --lidar-topic /velodyne --output result.json"
@@ -509,6 +520,7 @@ def test_the_readings_are_compared_without_what_the_answer_took_out():
     assert "as it was sent, with its own errors" in captions.imu(left, with_own("estimated"))
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_units_are_printed_as_people_print_them():
     """A sentence is the terminal's too. Mutation: the terminal's m/s2 on paper."""
     noise = "IMU noise: gyroscope 0.00012 rad/s/sqrt(Hz), accelerometer 0.0012 m/s2/sqrt(Hz)"
@@ -518,6 +530,7 @@ def test_units_are_printed_as_people_print_them():
     assert "gyroscope 0.00012 rad/s/√Hz, accelerometer 0.0012 m/s²/√Hz" in told
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_what_is_noticed_begins_as_a_sentence_does():
     """Mutations: a line that begins small; one that does after the word that says how grave it is."""
     noticed = [("info", "ring 4 reads 9 mm short"), ("warning", "wall 3 did not stand still: left out")]
@@ -527,6 +540,7 @@ def test_what_is_noticed_begins_as_a_sentence_does():
     assert "wall 3 did not stand still: left out" in told
 
 
+@pytest.mark.usefixtures("unrendered")
 def test_the_worst_distance_is_told_where_it_is_with_its_unit(beside):
     """Mutation: a range without metres."""
     assert beside.evidence.by_range is not None

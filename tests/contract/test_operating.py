@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import json
 import os
 import re
@@ -146,30 +147,103 @@ def test_an_audit_without_a_network_says_so_and_does_not_fail(code, out, err, ex
     assert words in sentences
 
 
-def test_integration_lists_and_audits_the_parts_after_the_tests():
-    """Mutations: either left out of .ci/run; pytest's closing line printed before them."""
-    run = (ROOT / ".ci" / "run").read_text()
-    order = [run.index(words) for words in ("make check", "make test", "make sbom", "make audit", "grep -E")]
-    assert order == sorted(order)
+def integrated(folder: Path, failing: str) -> subprocess.CompletedProcess[str]:
+    """.ci/run with a `make` that fails at one target. The tests wait until the audit has begun, and the checks for the tests."""
+    (folder / ".ci").mkdir()
+    (folder / "make").write_text(
+        f"""#!/bin/sh
+echo make $1
+touch begun-$1
+case $1 in check) other=test;; test) other=audit;; *) other=$1;; esac
+until [ -e begun-$other ]; do sleep 0.02; done
+[ $1 = test ] && echo '=== 3 passed in 1.2s ==='
+[ $1 = check ] && echo '=== 4 failed in 1.3s ==='
+[ $1 = {failing} ] && exit {2 if failing == "test" else 1}
+exit 0
+"""
+    )
+    (folder / "make").chmod(0o755)
+    run = shutil.copy(ROOT / ".ci" / "run", folder / ".ci" / "run")
+    path = f"{folder}{os.pathsep}{os.environ['PATH']}"
+    return subprocess.run([run], env={"PATH": path}, capture_output=True, text=True, timeout=60, check=False)
 
 
 @pytest.mark.parametrize(("failing", "exit_code"), [("none", 0), ("check", 1), ("test", 2), ("sbom", 1), ("audit", 0)])
 def test_integration_is_red_where_a_check_or_a_test_fails(tmp_path: Path, failing: str, exit_code: int):
-    """With a `make` that fails at one target. An unformatted commit is red, its tests are run all the same, and their closing
-    line is the last. Mutations: leave `make check` out, or its outcome; stop where it fails.
+    """An unformatted commit is red, its tests are run all the same, and their closing line is the last.
+
+    Mutations: leave `make check`, the list or the audit out; the outcome of one of them left out, or of the audit not; stop where
+    the checks fail, or forget what they say; run the tests only after them; the closing line before the list, or theirs.
     """
-    (tmp_path / ".ci").mkdir()
-    (tmp_path / "make").write_text(
-        f"#!/bin/sh\necho make $1\n[ $1 = test ] && echo '=== 3 passed in 1.2s ==='\n"
-        f"[ $1 = {failing} ] && exit {2 if failing == 'test' else 1}\nexit 0\n"
-    )
-    (tmp_path / "make").chmod(0o755)
-    run = shutil.copy(ROOT / ".ci" / "run", tmp_path / ".ci" / "run")
-    path = f"{tmp_path}{os.pathsep}{os.environ['PATH']}"
-    done = subprocess.run([run], env={"PATH": path}, capture_output=True, text=True, timeout=60, check=False)
+    done = integrated(tmp_path, failing)
     told = done.stdout.splitlines()
     assert done.returncode == exit_code
     assert [line for line in told if line.startswith("make ") and " " not in line[5:]] == [
-        f"make {target}" for target in ("check", "test", "sbom", "audit")
+        f"make {target}" for target in ("ready", "test", "check", "audit", "sbom")
     ]
     assert told[-1] == "=== 3 passed in 1.2s ==="
+    assert ("make check did not pass; what it says is above." in told) == (failing == "check")
+
+
+def test_integration_ends_where_what_it_needs_cannot_be_installed(tmp_path: Path):
+    """Mutation: go on, so that the checks and the tests both try again, at once and into one place."""
+    done = integrated(tmp_path, "ready")
+    assert (done.returncode, done.stdout.splitlines()) == (1, ["make ready"])
+
+
+def test_what_checks_and_tests_need_is_made_before_them():
+    """By make's own account, in a checkout where nothing is installed: `make ready` does all that they would do first.
+
+    Mutations: the checker's packages, the client or the compiled loops left out of `ready`.
+    """
+
+    def steps(target: str) -> list[str]:
+        words = ["make", "--dry-run", "--no-print-directory", "--always-make", target]
+        done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=True)
+        return [line for line in done.stdout.splitlines() if not line.startswith("echo")]
+
+    ready = steps("ready")
+    own = {"check": ("ruff check", "ruff format", "mypy", "run check"), "test": ("run test", "browser", "pytest")}
+    for target, ends in own.items():
+        first = [line for line in steps(target) if line not in ready]
+        assert [line for line in first if not any(words in line for words in ends)] == []
+        assert len(first) == len(ends) or target == "test"
+
+
+def test_nothing_is_installed_twice_at_once():
+    """In the order in which several jobs may run what the Makefile lists. Oracle: make's own data base of rules.
+
+    Mutations: the tests' packages not after the project; the client's modules not after the client; apt-get by two rules at once.
+    """
+    words = ["make", "--dry-run", "--print-data-base", "--question", "ready"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
+    needs: dict[str, set[str]] = {}
+    for line in done.stdout.splitlines():
+        name, colon, rest = line.partition(":")
+        if colon and not name.startswith(("#", "\t")) and "=" not in line:
+            needs.setdefault(name, set()).update(rest.split())
+
+    def before(name: str) -> set[str]:
+        return {name}.union(*(before(other) for other in needs.get(name, ())))
+
+    installed = [f".venv/.stamps/{name}" for name in ("venv", "requirements", "project", "test")]
+    for rows in (("system-run", "system-test"), installed, ("client", "modules")):
+        for earlier, later in itertools.pairwise(rows):
+            assert earlier in before(later), f"{later} may run beside {earlier}"
+
+
+def test_bytecode_that_pip_leaves_out_is_made_with_the_loops(monkeypatch):
+    """Mutations: the step taken out of the Makefile; a name that no longer exists; a broken part ends the installation."""
+    makefile = (ROOT / "Makefile").read_text()
+    assert "--no-compile" in makefile
+    assert "tools/first_imports.py" in makefile.partition("$(STAMPS)/kernels:")[2].partition("\n\n")[0]
+    first_imports, asked = loaded("first_imports"), []
+
+    def broken(name):
+        asked.append(name)
+        raise OSError
+
+    monkeypatch.setattr(first_imports.importlib, "import_module", broken)
+    first_imports.import_all()
+    assert {"app.cli.serving", "open3d"} <= set(asked)
+    assert all(importlib.util.find_spec(name) for name in asked)

@@ -226,7 +226,8 @@ class LidarFactors:
         lever_s = self._clock_lever_s(e, knot) if columns > COLUMNS else np.zeros(0)
         planes_seen_kernel(
             knot, plane, e.states.R, e.states.p, e.states.v, rates, self._later_s(e, knot),
-            e.R_imu_lidar, e.p_imu_lidar, e.normals, e.offsets_m, plane_axes(e.normals), lever_s, a, J,
+            np.ascontiguousarray(e.R_imu_lidar), np.ascontiguousarray(e.p_imu_lidar),
+            e.normals, e.offsets_m, np.array(plane_axes(e.normals), order="C"), lever_s, a, J,
         )  # fmt: skip
         return a, J
 

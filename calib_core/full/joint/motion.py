@@ -60,12 +60,16 @@ class Motion:
     def at(self, imu_s: FloatArray) -> ImuPoses:
         """Poses at instants of the IMU's clock, (N,). Unusable beyond the knots and where the IMU was silent."""
         r, n = self.readings, len(imu_s)
+        # In order, whatever they are parts of: the loop was compiled six times over.
+        imu_s, knots_s, knots_R, knots_p, knots_v = (
+            np.ascontiguousarray(part) for part in (imu_s, r.knots_s, self.states.R, self.states.p, self.states.v)
+        )
         poses = ImuPoses(
             np.empty((n, 3, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3)), np.empty(n, np.bool_)
         )
         _between_knots(
-            imu_s, self.nearest_knot(imu_s), r.knots_s, r.spacing_s, CHAIN.reach_knots, r.linked, r.gyro, r.knot_gyro,
-            r.knot_accel, self.gyro_bias, self.accel_bias, self.gravity, self.states.R, self.states.p, self.states.v,
+            imu_s, self.nearest_knot(imu_s), knots_s, r.spacing_s, CHAIN.reach_knots, r.linked, r.gyro, r.knot_gyro,
+            r.knot_accel, self.gyro_bias, self.accel_bias, self.gravity, knots_R, knots_p, knots_v,
             poses.R, poses.p, poses.v, poses.omega_rad_s, poses.usable,
         )  # fmt: skip
         return poses
@@ -75,6 +79,7 @@ class Motion:
         n = len(imu_s)
         R, p, omega, v = paged((n, 3, 3), (n, 3), (n, 3), (n, 3))
         lidar = SlicePoses(R, p, omega, v, np.empty(n, np.bool_))
+        R_imu_lidar, p_imu_lidar = np.ascontiguousarray(R_imu_lidar), np.ascontiguousarray(p_imu_lidar)
         for first in range(0, n, CHAIN.clusters_at_once):
             some = slice(first, first + CHAIN.clusters_at_once)
             imu = self.at(imu_s[some])

@@ -239,6 +239,7 @@ class View:
         points = np.concatenate(clouds)
         before = np.repeat(self._first_slices(positions), [len(cloud) for cloud in clouds])
         points["offset_ns"] += (before * round(SLICE_S * 1e9)).astype(np.int32)
+        points.flags.writeable = False  # as a scan's own are, or loops would be compiled for either
         return points
 
     def most_as_one(self, positions: Sequence[int]) -> int:

@@ -30,7 +30,8 @@ class PlaneMap:
     def __init__(self, normals: FloatArray, offsets_m: FloatArray) -> None:
         self.normals = np.array(normals, dtype=np.float64).reshape(-1, 3)
         self.offsets_m = np.array(offsets_m, dtype=np.float64)
-        self.axes = plane_axes(self.normals)
+        # Of one plane they come in another order than of several: loops would be compiled for either.
+        self.axes = np.array(plane_axes(self.normals), order="C")
         self.given = len(self.normals)
         self.support = np.zeros(self.given, np.int64)
         self.reach: BoolArray = np.zeros((self.given, MAP.cells, MAP.cells), np.bool_)
@@ -115,7 +116,8 @@ class PlaneMap:
     def _add(self, fit: PlaneFit, points_m: FloatArray) -> None:
         self.normals = np.vstack([self.normals, fit.normal])
         self.offsets_m = np.append(self.offsets_m, fit.offset_m)
-        self.axes = plane_axes(self.normals)
+        # Of one plane they come in another order than of several: loops would be compiled for either.
+        self.axes = np.array(plane_axes(self.normals), order="C")
         self.support = np.append(self.support, 0)
         new = np.zeros((1, *self.reach.shape[1:]), np.bool_)
         self.reach, self.filled = np.concatenate([self.reach, new]), np.concatenate([self.filled, new.astype(np.int32)])
