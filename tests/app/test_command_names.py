@@ -124,7 +124,8 @@ def test_a_store_of_before_has_no_names_of_files(tmp_path):
     url = f"sqlite:///{tmp_path / 'a.sqlite'}"
     engine = open_database(url)
     with engine.begin() as connection:
-        connection.exec_driver_sql("ALTER TABLE recordings DROP COLUMN file_name")
+        for column in ("file_name", "source_stamp"):
+            connection.exec_driver_sql(f"ALTER TABLE recordings DROP COLUMN {column}")
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '0003'")
         connection.exec_driver_sql(
             "INSERT INTO recordings (id, name, origin, source, scenario, size_bytes, state, read_settings_json, created_at) "
