@@ -131,12 +131,14 @@ class ImuNoiseLevel:
     """density: continuous-time white noise. sample_std: (6,) of one reading, gyro first. source: in words.
 
     shaken: whether a reading scatters by more than that noise makes, as where an engine runs; True where nobody has looked.
+    coarse: whether readings stay on one step for longer than that noise would let them (`imu/quantisation.py`).
     """
 
     density: NoiseDensity
     sample_std: FloatArray
     source: str
     shaken: bool = True
+    coarse: bool = False
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from calib_core.factors.laser_features import LaserFactors
 from calib_core.full.joint.sensor_state import SensorState
 from calib_core.full.joint.settings import CHAIN
 from calib_core.geometry import exp, plane_axes
-from calib_core.types import FloatArray, IntArray
+from calib_core.types import BoolArray, FloatArray, IntArray
 
 CALIBRATION = 7
 #: What the seven are: a turn, a shift and a lateness.
@@ -176,10 +176,17 @@ class Bins:
 
     def within(self, first: int, last: int) -> Bins:
         """Those of knots first..last (exclusive), counted from the first."""
-        mine = (self.knot >= first) & (self.knot < last)
+        mine = self._where((self.knot >= first) & (self.knot < last))
+        return replace(mine, knot=mine.knot - first)
+
+    def but_of(self, plane: int) -> Bins:
+        """Those of all other planes."""
+        return self._where(self.plane != plane)
+
+    def _where(self, mine: BoolArray) -> Bins:
         return replace(
             self,
-            knot=self.knot[mine] - first,
+            knot=self.knot[mine],
             plane=self.plane[mine],
             scatter=self.scatter[mine],
             count=self.count[mine],

@@ -24,7 +24,7 @@ from calib_core.full.joint.round import associate, coarse_stride, gate_of, gathe
 from calib_core.full.joint.settings import CHAIN
 from calib_core.full.joint.state import Bins, Estimate
 from calib_core.full.joint.state_views import problem_of
-from calib_core.full.joint.tone_choice import Explaining, explaining
+from calib_core.full.joint.tone_choice import Explaining, explaining, is_one_planes
 from calib_core.full.joint.tone_heard import goes_on_at_rest, is_heard
 from calib_core.imu.tones import attitudes, tone_readings
 from calib_core.types import FloatArray
@@ -201,10 +201,11 @@ def found_tones(
 
     loud: by how much the score has to stand out to begin with, where that is asked for. Where the sensors are held at what they
     are meant to be, and nothing shakes the IMU, it is asked for: of the motion itself cheap sensors make what a tone would. So
-    does a plane that was chosen and is none.
+    does a plane that was chosen and is none. What coarse readings are off by follows the motion, in lines as a walk has them:
+    no tones are told there.
     """
     known = state.nuisance.tones_hz
-    if len(known) >= rules.most or state.untuned:
+    if len(known) >= rules.most or state.untuned or data.run.noise.coarse:
         return []
     held = not data.sensors.blocks or data.run.settings.intrinsics == "consider"
     if (held and not data.run.noise.shaken) or any(plane.fault for plane in state.planes):
@@ -224,7 +225,11 @@ def found_tones(
             data, state, gate_of(state, round_.gate_m, sampling), stride=coarse_stride(data, state, sampling)
         )
     problem = gathered(data, state) if bins is None else with_bins(data, state, bins)
-    return explaining(data, problem, with_tones_tried(data, state, tried, rules), len(tried), least)
+    found = explaining(data, problem, with_tones_tried(data, state, tried, rules), len(tried), least)
+    if not found or found[0].hz > rules.slow_hz:
+        return found
+    by_one = is_one_planes(data, problem, with_tones_tried(data, state, [found[0].hz], rules), rules)
+    return [one for one in found if one.hz > rules.slow_hz] if by_one else found
 
 
 def listen(data: JointData, state: Estimation, rules: Tones) -> Periodogram:

@@ -21,7 +21,8 @@ class FirstLook:
     stamps_ns: (M,) of the first point.   sweep_s: (M,) last point after the first.   points: (M,) how many.
     period_s: median between scans.   facing: (2, M) complex x + i y, where a rotor looked in the middle of each sweep if it turns
     once a period from x to y (row 0) or the other way round (row 1); of length 1 where the points keep to such a rotor, shorter
-    as they do not.   farthest_m, nearest_m: the longest and the shortest range of a sample's returns.
+    as they do not.   seen_at_s: (M,) the mean time of the points that tell so, after the middle of the sweep: where a view is
+    cut.   farthest_m, nearest_m: the longest and the shortest range of a sample's returns.
     """
 
     stamps_ns: IntArray
@@ -29,6 +30,7 @@ class FirstLook:
     points: IntArray
     period_s: float
     facing: ComplexArray
+    seen_at_s: FloatArray
     farthest_m: float
     nearest_m: float
 
@@ -49,27 +51,30 @@ def _look(scans: Sequence[Scan], stamps: IntArray, usual_s: float) -> FirstLook:
         for first in range(0, len(scans), SWEEPS.scans_at_once)
     ]
     looks = list(workers().map(lambda places: _look_at([scans[k].points for k in places], period_s), some))
-    sweeps, counts, turned_back, farthest, nearest = zip(*looks, strict=True)
+    sweeps, counts, turned_back, seen_at, farthest, nearest = zip(*looks, strict=True)
     return FirstLook(
         stamps,
         np.concatenate(sweeps),
         np.concatenate(counts),
         period_s,
         _facing(turned_back),
+        np.concatenate(seen_at),
         max(farthest),
         min(nearest),
     )
 
 
-def _look_at(clouds: Sequence[PointArray], period_s: float) -> tuple[FloatArray, IntArray, ComplexArray, float, float]:
-    """Of some scans their sweeps, points, turned directions (2, M, L), the longest and the shortest range."""
+def _look_at(
+    clouds: Sequence[PointArray], period_s: float
+) -> tuple[FloatArray, IntArray, ComplexArray, FloatArray, float, float]:
+    """Of some scans their sweeps, points, turned directions (2, M, L), mean times, the longest and the shortest range."""
     counts = np.array([len(points) for points in clouds], dtype=np.int64)
     sweep_s = np.array([int(points["offset_ns"].max()) * 1e-9 if len(points) else 0.0 for points in clouds])
     samples = [points[sampled(len(points))] for points in clouds]
     every, sizes = np.concatenate(samples), [len(sample) for sample in samples]
     range_m = np.linalg.norm(every["xyz"], axis=1)
     farthest_m, nearest_m = float(np.fmax.reduce(range_m, initial=0.0)), float(np.fmin.reduce(range_m, initial=np.inf))
-    return sweep_s, counts, _turned_back(every, sizes, sweep_s, period_s), farthest_m, nearest_m
+    return sweep_s, counts, *_turned_back(every, sizes, sweep_s, period_s), farthest_m, nearest_m
 
 
 def sampled(count: int) -> IntArray:
@@ -85,8 +90,11 @@ def sampled(count: int) -> IntArray:
     return np.asarray(begin[:-1] + np.floor(drawn * np.diff(begin)), dtype=np.int64)
 
 
-def _turned_back(points: PointArray, sizes: Sequence[int], sweep_s: FloatArray, period_s: float) -> ComplexArray:
-    """(2, M, L) sums, laser by laser, of directions of some of each sweep's points, turned back to its middle either way.
+def _turned_back(
+    points: PointArray, sizes: Sequence[int], sweep_s: FloatArray, period_s: float
+) -> tuple[ComplexArray, FloatArray]:
+    """(2, M, L) sums, laser by laser, of directions of some of each sweep's points, turned back to its middle either way; (M,)
+    the mean time of these points, after the middle [s].
 
     As parts of all of a sweep's directions: of one sense of turning and one sweep they add up to their mean.
     points: of all sweeps, one after the other.   sizes: how many of each.   sweep_s: (M,).
@@ -94,19 +102,20 @@ def _turned_back(points: PointArray, sizes: Sequence[int], sweep_s: FloatArray, 
     lasers = min(int(points["ring"].max(initial=0)) + 1, LASERS.most)
     out = np.zeros((2, len(sizes), lasers), dtype=np.complex128)
     if period_s <= 0.0:
-        return out
+        return out, np.zeros(len(sizes))
     x, y = points["xyz"][:, 0].astype(np.float64), points["xyz"][:, 1].astype(np.float64)
     away = np.hypot(x, y)
     seen = away > 0.0
     direction = (x[seen] + 1j * y[seen]) / away[seen]
     sweep = np.repeat(np.arange(len(sizes)), sizes)[seen]
-    turn = np.exp(2j * np.pi / period_s * (points["offset_ns"][seen] * 1e-9 - 0.5 * sweep_s[sweep]))
+    after_s = points["offset_ns"][seen] * 1e-9 - 0.5 * sweep_s[sweep]
+    turn = np.exp(2j * np.pi / period_s * after_s)
     place = sweep * lasers + np.minimum(points["ring"][seen], lasers - 1)
     total = np.maximum(np.bincount(sweep, minlength=len(sizes)), 1)[:, None]
     for way, back in enumerate((direction * turn.conj(), direction * turn)):
         of = [np.bincount(place, part, len(sizes) * lasers).reshape(-1, lasers) for part in (back.real, back.imag)]
         out[way] = (of[0] + 1j * of[1]) / total
-    return out
+    return out, np.bincount(sweep, after_s, len(sizes)) / total[:, 0]
 
 
 def _facing(turned_back: Sequence[ComplexArray]) -> ComplexArray:

@@ -90,6 +90,7 @@ def prepare(recording: Recording, settings: CalibrateSettings, on_event: OnEvent
     noise = _imu_noise(recording, settings, clocks, on_event)
     if text := coarse_text(clocks.imu_s, imu, noise.density):
         on_event(LogEvent(level="warning", code="imu.coarse", text=text))
+        noise = replace(noise, coarse=True)
     # A thread of its own, not one of the shared workers: it goes on for seconds.
     pool = ThreadPoolExecutor(1)
     values = np.hstack([imu.gyro_rad_s, imu.accel_m_s2])

@@ -78,7 +78,7 @@ def begun_evenly(
     topic = recording.lidar.topic or "the lidar"
     text = (
         f"the stamps of {topic} are off its rotor's even rotation by {1e3 * found.jitter_s:.2g} ms rms "
-        f"({1e3 * found.most_s:.2g} ms at most), as if a host had set them: sweeps are taken to begin evenly, every "
+        f"({1e3 * found.most_s:.2g} ms at most), as if a host had set them: it is taken to turn evenly, once in "
         f"{1e3 * found.period_s:.5g} ms"
     )
     if found.behind_s > 0.0:
@@ -176,29 +176,47 @@ def _as_the_rotor_wanders(row: Row, t: FloatArray) -> Row:
 def _passing(seen: FirstLook, *, turned: float = 1.0) -> tuple[BoolArray, FloatArray]:
     """(M,) whether a scan is a turn of a rotor, and when that passed the direction in which middles of sweeps look [s].
 
-    Where they look farther and farther round: the one that they began with, as many turns ago as they went round.
-    turned: -1 for a rotor that turns the other way than the points' times have it.
+    One passing for each scan: where sweeps are no whole turns, one of a turn before or after, as many turns of that from where it
+    was as make it the next of the row.   turned: -1 for a rotor that turns the other way than the points' times have it.
     """
     length = np.abs(seen.facing)
     way = int(np.argmax(np.median(length, axis=1)))
     known = np.greater(length[way], SWEEPS.turning)
-    if not known.any():
+    if np.count_nonzero(known) < 2:
         return known, np.zeros(len(known))
     # As a rotor that turns from x to y has it.
-    facing = seen.facing[way] if way == 0 else seen.facing[way].conj()
-    number = np.cumsum(np.rint(np.diff(seen.stamps_ns, prepend=seen.stamps_ns[0]) * 1e-9 / seen.period_s))[known]
-    looked = np.angle(facing[known])
-    steps = _wrapped(np.diff(looked)[np.diff(number) == 1])
-    # Packets make a sweep begin a little later or earlier in turn, which a mean knows; the middle of a sweep that lost its other
-    # half is elsewhere.
-    about = float(np.median(steps)) if steps.size else 0.0
-    off = _wrapped(steps - about)
-    farther = about + float(np.mean(off[np.abs(off) < SWEEPS.alike_rad])) if steps.size else 0.0
-    usual = float(np.angle(np.mean(np.exp(1j * (looked - farther * number)))))
-    round_by = np.zeros(len(known))
-    round_by[known] = farther * number + _wrapped(looked - farther * number - usual)
-    middle_s = (seen.stamps_ns - seen.stamps_ns[0]) * 1e-9 + 0.5 * seen.sweep_s
-    return known, middle_s - turned * round_by / (2.0 * np.pi + turned * farther) * seen.period_s
+    facing = (seen.facing[way] if way == 0 else seen.facing[way].conj())[known]
+    middle_s = ((seen.stamps_ns - seen.stamps_ns[0]) * 1e-9 + 0.5 * seen.sweep_s)[known]
+    once = 2.0 * np.pi / seen.period_s
+    rate = _rate(turned * np.angle(facing), middle_s, seen.period_s)
+    # Where points were turned back as by a rotor of one turn a sweep, their mean is off by the rest of it, for as long as their
+    # mean time is off the middle: half a view that goes round in a sweep looks where it is seen.
+    facing = facing * np.exp(-1j * (rate - once) * seen.seen_at_s[known])
+    looked = turned * np.angle(facing)
+    rate = _rate(looked, middle_s, seen.period_s)
+    passing_s, turn_s = middle_s - looked / rate, 2.0 * np.pi / rate
+    turn = np.cumsum(np.rint(np.diff(passing_s, prepend=passing_s[0]) / turn_s))
+    # Two scans in which it passed once, and so on: the later is the next of the row.
+    number = np.maximum.accumulate(turn - np.arange(len(turn))) + np.arange(len(turn))
+    out = np.zeros(len(known))
+    out[known] = passing_s + (number - turn) * turn_s
+    return known, out
+
+
+def _rate(looked: FloatArray, middle_s: FloatArray, period_s: float) -> float:
+    """How fast a rotor turns [rad/s], about once a period.
+
+    looked: (K,) where it looks at these times [rad].   Middles of what is seen of sweeps are no period apart where a view is cut
+    and goes round in them, and one that a host stamped late is farther on by its lateness, but no rotor is faster for it.
+    """
+    apart_s, on = np.diff(middle_s), np.diff(looked) / (2.0 * np.pi)
+    apart_s, on = apart_s[apart_s > 0.0], on[apart_s > 0.0]
+    if not apart_s.size:
+        return 2.0 * np.pi / period_s
+    turns = on + np.rint(apart_s / period_s - on)
+    each = turns / apart_s
+    alike = np.abs(turns - np.median(each) * apart_s) < SWEEPS.alike_rad / (2.0 * np.pi)
+    return float(2.0 * np.pi * turns[alike].sum() / apart_s[alike].sum())
 
 
 def _wrapped(angle_rad: FloatArray) -> FloatArray:

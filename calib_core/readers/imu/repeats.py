@@ -15,8 +15,7 @@ from calib_core.types import BoolArray, FloatArray, IntArray
 
 #: Readings that a share is taken over: a sensor that rests repeats itself in coarse steps, one that is moved does not.
 _STRETCH = 128
-#: A driver repeats all the time: even where fewest are, so many of a stretch are repeats. Steps of 0.06 deg/s, coarse ones,
-#: read the same on all three axes in 1 of 50 pairs at a noise of 0.1 deg/s.
+#: A driver repeats all the time: even where fewest are, so many of a stretch are repeats, beyond those that are by chance.
 _LEAST_SHARE = 0.15
 #: Where more of them are, no driver repeats but a sensor is stuck, or never moved and has no noise.
 _MOST_SHARE = 0.96
@@ -33,14 +32,28 @@ def first_of_each(gyro: FloatArray, accel: FloatArray) -> BoolArray | None:
     """
     if len(gyro) < 2 * _STRETCH:
         return None
-    turned, pushed = ((values[1:] != values[:-1]).any(axis=1) for values in (gyro, accel))
-    for new in (turned | pushed, turned):
-        fresh = np.concatenate([[True], new])
-        shares = sliding_window_view(~fresh, _STRETCH)[:: _STRETCH // 2].mean(axis=1)
-        fewest, usual = np.quantile(shares, [_SPARED, 0.5])
-        if fewest >= _LEAST_SHARE and usual <= _MOST_SHARE:
-            return fresh
+    turned, pushed = (values[1:] == values[:-1] for values in (gyro, accel))
+    for alike in (np.hstack([turned, pushed]), turned):
+        beyond, usual = _shares(alike)
+        if beyond >= _LEAST_SHARE and usual <= _MOST_SHARE:
+            return np.concatenate([[True], ~alike.all(axis=1)])
     return None
+
+
+def _shares(alike: BoolArray) -> tuple[float, float]:
+    """Of stretches, the share of readings that are as the one before: where fewest are, beyond chance; the usual one.
+
+    alike: (Q - 1, C) channel by channel. In coarse steps each channel stays where it is for a while, and by chance all do,
+    as often as the product of how often each does. A driver repeats all of them at once. Where none ever changes, nothing tells.
+    """
+    each = sliding_window_view(alike, _STRETCH, axis=0)[:: _STRETCH // 2].mean(axis=2)
+    together = sliding_window_view(alike.all(axis=1), _STRETCH)[:: _STRETCH // 2].mean(axis=1)
+    chance = each.prod(axis=1)
+    telling = chance < 1.0
+    if not telling.any():
+        return 0.0, 1.0
+    beyond = (together[telling] - chance[telling]) / (1.0 - chance[telling])
+    return float(np.quantile(beyond, _SPARED)), float(np.median(together))
 
 
 def as_sensed(

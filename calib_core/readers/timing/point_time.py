@@ -48,6 +48,8 @@ _RATIO_POSSIBLE = (0.05, 1.4)
 _BINS, _COVERED = 72, 0.1
 #: So many clouds tell which part it is.
 _COVERED_BY = 3
+#: A field that gains so nearly as much as the headers do, and is within so many periods of them, is of their clock.
+_SAME_CLOCK, _NEAR = 0.1, 2.0
 #: Of a field that no name says to be a time: a running number, or a bearing, fits some unit at a tenth of a sweep as well.
 _LEAST_UNNAMED = 0.8
 
@@ -163,28 +165,56 @@ def _part_of_a_turn(clouds: Sequence[RawCloud], returns: Sequence[IntArray]) -> 
     return float(np.median(parts))
 
 
+def _gain(values: FloatArray, header_ns: IntArray) -> float:
+    """What a field gains a second of the headers', in its own unit: of each scan beside the first as far on by half of them.
+
+    From a scan to the next a view that is cut may begin anywhere in the sweep.
+    """
+    half = len(values) // 2
+    if half == 0:
+        return 0.0
+    apart_s = (header_ns[half:] - header_ns[: len(values) - half]) * 1e-9
+    later = apart_s > 0.0
+    gained = values[half:] - values[: len(values) - half]
+    return float(np.median(gained[later] / apart_s[later])) if later.any() else 0.0
+
+
 def _hypotheses(
-    sample: _FieldSample, period_s: float, units: Sequence[Unit], *, covered: float, asked: bool
+    sample: _FieldSample,
+    period_s: float,
+    header_ns: IntArray,
+    units: Sequence[Unit],
+    *,
+    covered: float,
+    asked: bool,
 ) -> list[_Hypothesis]:
-    """One per unit whose spread is possible; best first. covered: of a turn.   asked: somebody has named the field."""
+    """One per unit whose spread is possible; best first. header_ns: (K,).   covered: of a turn.   asked: somebody has named the
+    field."""
     good = np.isfinite(sample.q01)
     if np.count_nonzero(good) == 0:
         return []
     span = float(np.median(sample.q99[good] - sample.q01[good])) / 0.98
     steps = np.diff(sample.q01[good])
     step = float(np.median(steps)) if steps.size else 0.0
+    gain = _gain(sample.q01[good], header_ns[good])
     found = []
     for unit in units:
         ratio = span * NS_PER_UNIT[unit] * 1e-9 / period_s
         least = _RATIO_POSSIBLE[0] if asked or sample.named or _says_time(sample.name) else _LEAST_UNNAMED
         if not least <= ratio <= _RATIO_POSSIBLE[1]:
             continue
-        inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1] or abs(ratio - covered) <= _COVERED
-        fit = 1.0 if inside else 0.4
         order = min(1.0, sample.order / 0.9)
-        drift = step * NS_PER_UNIT[unit] * 1e-9 / period_s
         # A clock either stands (relative) or gains one period per scan (absolute); anything between is no clock.
+        drift = min(
+            (step * NS_PER_UNIT[unit] * 1e-9 / period_s, gain * NS_PER_UNIT[unit] * 1e-9),
+            key=lambda each: min(abs(each), abs(each - 1.0)),
+        )
         clock = math.exp(-8.0 * min(abs(drift), abs(drift - 1.0)))
+        inside = _RATIO_GOOD[0] <= ratio <= _RATIO_GOOD[1] or abs(ratio - covered) <= _COVERED
+        # Nanoseconds since 1970 that are the header's are that, whatever part of a sweep they span.
+        from_header_ns = np.median(np.abs(sample.q01[good] * NS_PER_UNIT[unit] - header_ns[good]))
+        is_headers = abs(drift - 1.0) < _SAME_CLOCK and from_header_ns < _NEAR * period_s * 1e9
+        fit = 1.0 if inside or is_headers else 0.4
         found.append(_Hypothesis(sample, unit, ratio, drift, fit, order, clock))
     return sorted(found, key=lambda h: -h.score)
 
@@ -228,11 +258,12 @@ def detect_point_time(
     )
     forced = settings.point_time_field is not None
     covered = _part_of_a_turn(sampled, returns)
+    header_ns = np.array([cloud.header_ns for cloud in sampled], np.int64)
     found = [
         h
         for sample in samples
         if forced or sample.order >= _MIN_ORDER or (sample.named and sample.order > 0)
-        for h in _hypotheses(sample, period_s, units, covered=covered, asked=forced)
+        for h in _hypotheses(sample, period_s, header_ns, units, covered=covered, asked=forced)
     ]
     found.sort(key=lambda h: -h.score)
     if not found:

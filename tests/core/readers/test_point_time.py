@@ -169,6 +169,22 @@ def test_a_rotor_that_looks_to_one_side_is_done_sooner(seen_deg: float, sure: bo
     assert said == ("" if sure else "It is not sure: it spans 0.42 of the time from scan to scan.")
 
 
+@pytest.mark.parametrize("off_s", [0.0, 1000.0])
+def test_the_headers_own_clock_is_sure_whatever_part_of_a_sweep_is_seen(off_s: float) -> None:
+    """Seen: a rosette cut to one side, of which each sweep shows another third: nanoseconds since 1970 were "5 % sure". Another
+    clock's tell no more than before, but that they run as one does. Mutations: from scan to scan alone; any clock's are sure.
+    """
+    begins = np.tile([0.0, 0.03, 0.07], N)[:N]
+
+    def made(k: int) -> RawCloud:
+        values = lambda t, s: s + np.rint(1e9 * (off_s + begins[k] + 0.3 * t))  # noqa: E731
+        return cloud(k, "timestamp", "<f8", values)
+
+    finding = detect_point_time([made(k) for k in range(N)], ReadSettings(), topic="/p")[1][0]
+    assert "are field 'timestamp' in ns, absolute." in finding.text
+    assert finding.confidence == pytest.approx(0.4 if off_s else 1.0, abs=0.05)
+
+
 def test_few_scans_mean_less_confidence() -> None:
     """Mutation: leave the number of scans out of the confidence."""
     many = detect_point_time([cloud(k, "time", "<f4", lambda t, s: t) for k in range(N)], ReadSettings(), topic="/p")[1]
