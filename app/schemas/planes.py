@@ -31,7 +31,7 @@ class Patch(WireModel):
     doubt: str = Field(
         default="",
         description="what seems wrong with it; a solve leaves it out unless it is insisted on; empty: nothing",
-        examples=["does not seem to stand still"],
+        examples=["seems to move against the other planes"],
     )
     color: str = Field(description="as in the 3D scene", examples=["#0072b2"])
 

@@ -287,7 +287,7 @@ class PlaneReport(_Model):
     )
     doubt: str = Field(
         default="",
-        description="what seems wrong with it, so that a solve would leave it out, such as: does not seem to stand still; "
+        description="what seems wrong with it, so that a solve would leave it out, such as: seems to move against the other planes; "
         "empty: nothing",
     )
 

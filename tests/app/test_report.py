@@ -533,11 +533,11 @@ def test_units_are_printed_as_people_print_them():
 @pytest.mark.usefixtures("unrendered")
 def test_what_is_noticed_begins_as_a_sentence_does():
     """Mutations: a line that begins small; one that does after the word that says how grave it is."""
-    noticed = [("info", "ring 4 reads 9 mm short"), ("warning", "wall 3 did not stand still: left out")]
+    noticed = [("info", "ring 4 reads 9 mm short"), ("warning", "wall 3 moves against the other planes: left out")]
     messages = [Message(code="said", level=level, text=text) for level, text in noticed]
     told = report_page(world.make_result().model_copy(update={"messages": messages}))
     assert "Ring 4 reads 9 mm short" in told
-    assert "wall 3 did not stand still: left out" in told
+    assert "wall 3 moves against the other planes: left out" in told
 
 
 @pytest.mark.usefixtures("unrendered")

@@ -107,7 +107,7 @@ def test_the_planes_that_a_refusal_is_for_are_found(monkeypatch: pytest.MonkeyPa
     with pytest.raises(Refused) as unsettled:
         bounds.require_rest(standing_in(), standing_in(planes=planes), 1.0)
     for refused in (doubtful, unsettled):
-        assert found("blamed", str(refused.value)) == ("box is not flat, cart did not stand still",)
+        assert found("blamed", str(refused.value)) == ("box is not flat, cart moves against the other planes",)
 
 
 @pytest.mark.parametrize(("axis", "name"), list(zip(COVARIANCE_ORDER, NAMES, strict=True)))

@@ -28,13 +28,13 @@ Fault = Literal["", "moved", "bent", "mixed"]
 
 _NAMES: tuple[Fault, ...] = ("moved", "bent", "mixed")
 WORDS: dict[Fault, str] = {
-    "moved": "did not stand still",
+    "moved": "moves against the other planes",
     "bent": "is not flat",
     "mixed": "is more than one surface",
 }
 #: The same before a solve.
 SEEMS: dict[Fault, str] = {
-    "moved": "does not seem to stand still",
+    "moved": "seems to move against the other planes",
     "bent": "does not seem to be flat",
     "mixed": "seems to be more than one surface",
 }

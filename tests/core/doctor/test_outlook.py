@@ -51,9 +51,14 @@ def test_what_a_solve_would_leave_out_is_named_and_not_counted() -> None:
     """Mutations: a doubt on the plane beside; doubtful planes among those that the forecast rests on; none named."""
     seen = proposals(UP, -UP, SIDE, AHEAD)
     got = planes_report(seen, -9.81 * UP, ("", "moved", "", "bent"))
-    assert [plane.doubt for plane in got.planes] == ["", "does not seem to stand still", "", "does not seem to be flat"]
+    assert [plane.doubt for plane in got.planes] == [
+        "",
+        "seems to move against the other planes",
+        "",
+        "does not seem to be flat",
+    ]
     assert got.text.endswith(
-        "Likely to be left out by a solve: ceiling does not seem to stand still and wall 2 does not seem to be flat."
+        "Likely to be left out by a solve: ceiling seems to move against the other planes and wall 2 does not seem to be flat."
     )
     assert forecast_report(known(), got, share=1.0).planes == ("floor", "wall 1")
     assert "doubtful" not in planes_report(seen, -9.81 * UP, ("",) * 4).text

@@ -2914,7 +2914,7 @@ export interface components {
              * Doubt
              * @description what seems wrong with it; a solve leaves it out unless it is insisted on; empty: nothing
              * @default
-             * @example does not seem to stand still
+             * @example seems to move against the other planes
              */
             doubt: string;
             /**
@@ -3084,7 +3084,7 @@ export interface components {
             distance_m: number;
             /**
              * Doubt
-             * @description what seems wrong with it, so that a solve would leave it out, such as: does not seem to stand still; empty: nothing
+             * @description what seems wrong with it, so that a solve would leave it out, such as: seems to move against the other planes; empty: nothing
              * @default
              */
             doubt: string;

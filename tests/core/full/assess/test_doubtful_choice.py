@@ -76,4 +76,6 @@ def test_what_strayed_before_the_choice_is_named_where_stretches_of_time_contrad
     planes = [MapPlane("wall", chosen=True), MapPlane("cart", chosen=True, strayed=True)]
     solved = SimpleNamespace(problem=None, estimate=None, planes=planes)
     doubtful_choice.say_doubtful_choice(run, solved, torn=torn)  # type: ignore[arg-type]
-    assert [text.split(", but")[0] for text in heard] == (["planes.doubted cart did not stand still"] if torn else [])
+    assert [text.split(", but")[0] for text in heard] == (
+        ["planes.doubted cart moves against the other planes"] if torn else []
+    )
