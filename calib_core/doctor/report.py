@@ -287,8 +287,8 @@ class PlaneReport(_Model):
     )
     doubt: str = Field(
         default="",
-        description="what seems wrong with it, so that a solve would leave it out, such as: seems to move against the other planes; "
-        "empty: nothing",
+        description="what seems wrong with it, so that a solve would leave it out, such as: seems to move against the other "
+        "planes; empty: nothing",
     )
 
 
