@@ -104,7 +104,7 @@ def with_late_blocks(run: Run, solved: Solved, found: Sequence[Disagreement]) ->
             continue
         if block != SIZE_EFFECT:
             state = with_late(state, block, tried[block])
-        elif of.size_m > APART.least_m:
+        elif APART.least_m < of.size_m < APART.most_m:
             state = with_late(state, block, of.allowed_m)
         if block == SPREAD and SKEW in asked:
             # What smears as a pole does is as lopsided, whether that shows or not, and the time offset is off by it.

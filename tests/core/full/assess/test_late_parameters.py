@@ -143,10 +143,13 @@ def test_who_is_asked(
     assert on is None or on.state == ("end", places.allowed_m)
 
 
-def test_a_chips_own_size_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half a millimetre, beyond all chance. Mutation: of any size."""
+@pytest.mark.parametrize("at_m", [5e-4, 0.08])
+def test_a_chips_own_size_is_none_nor_is_one_that_no_imu_has(monkeypatch: pytest.MonkeyPatch, at_m: float) -> None:
+    """Half a millimetre, beyond all chance; and eight centimetres, as walls asked for in a flat of five rooms that were none: the
+    translation was then "not determined", to 10 m. Mutations: of any size; the one; the other.
+    """
     monkeypatch.setattr(
-        late_parameters, "late_told", lambda *_: {"size_effect": Told(np.full(6, 5e-4), np.full(6, 1e-5))}
+        late_parameters, "late_told", lambda *_: {"size_effect": Told(np.full(6, at_m), np.full(6, 1e-5))}
     )
     monkeypatch.setattr(late_parameters, "_bend_s2_m", lambda _: 1e-4)
     run: Any = SimpleNamespace(settings=SimpleNamespace(intrinsics="auto"))
