@@ -144,8 +144,8 @@ class AccelerometersApart:
     chance: float = 1e-6
     #: judged: a chip has them within a millimetre.
     least_m: float = 1e-3
-    #: data sheets: IMUs of rigs are a decimetre across at most (KVH 1750: 89 mm), so that none has them farther from its middle. What
-    #: asks for more is a wall that is no plane or a track that went astray, and takes the lever arm with it.
+    #: data sheets: IMUs of rigs are a decimetre across at most (KVH 1750: 89 mm), so that none has them farther from its middle.
+    #: What asks for more is a wall that is no plane or a track that went astray, and takes the lever arm with it.
     most_m: float = 0.05
     #: derived: a size is known to a third at best from six numbers: steps of a fiftieth are finer than that.
     step: float = 1.02
