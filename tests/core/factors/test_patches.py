@@ -23,8 +23,8 @@ def test_every_cell_has_its_patch_and_a_house_no_more_than_a_room() -> None:
     """Mutations: patches not numbered through all planes, their width not grown with the area."""
     patches = _patches()
     assert [f"{1 + plane}" for plane in patches.planes] == [name.split(":")[0] for name in patches.names]
-    assert patches.count == len(patches.names) == len(set(patches.names)) <= 520
-    assert patches.width * CELL_M >= 1.2
+    assert 700 < patches.count == len(patches.names) == len(set(patches.names)) <= 1300
+    assert patches.width * CELL_M >= 0.75
     few = np.zeros((1, 2 * HALF_CELLS, 2 * HALF_CELLS), bool)
     edge = 3 * (HALF_CELLS // 3)
     few[0, edge : edge + 6, edge : edge + 6] = True
