@@ -46,12 +46,15 @@ def _begun(recording: Recording, truth: Truth) -> JointData:
 
 
 def test_links_know_of_steps_and_of_what_was_lost(noisy: tuple[Recording, Truth]) -> None:
-    """An accelerometer of 0.2 m/s2, and one of whose readings some were lost on a rough road. Mutations: either left out."""
+    """An accelerometer of 0.2 m/s2, and one of whose readings some were lost on a rough road. Mutations: either left out; steps
+    that are not told to whoever looks for tones.
+    """
     recording, truth = noisy
     imu = recording.imu
     coarse = replace(imu, accel_m_s2=np.rint(imu.accel_m_s2 / 0.2) * 0.2)
-    looser = _begun(replace(recording, imu=coarse), truth).readings.excess_density2
-    usual = _begun(recording, truth).readings.excess_density2
+    of_steps, of_none = _begun(replace(recording, imu=coarse), truth), _begun(recording, truth)
+    assert (of_steps.run.noise.coarse, of_none.run.noise.coarse) == (True, False)
+    looser, usual = of_steps.readings.excess_density2, of_none.readings.excess_density2
     assert np.mean(looser[:, 3:] - usual[:, 3:]) > 0.2**2 / 12.0 * 0.01
     assert np.allclose(looser[:, :3], usual[:, :3])
     rough = 0.3 * np.random.default_rng(1).standard_normal(imu.accel_m_s2.shape)

@@ -166,6 +166,31 @@ def test_what_comes_and_goes_once_is_a_tone_where_an_engine_runs(
     assert tones.loudest(data, half.state, RULES) == (900.0 if shaken else 1.0)
 
 
+@pytest.mark.parametrize("coarse", [False, True])
+def test_coarse_readings_have_no_tones(half: Half, monkeypatch: pytest.MonkeyPatch, coarse: bool) -> None:
+    """Seen: steps of 1 deg/s on a walk were eight tones of up to 14 m/s2, and the rotation unknown by 57 deg. Mutation: asked all
+    the same.
+    """
+    data = replace(half.data, run=replace(half.data.run, noise=replace(half.data.run.noise, coarse=coarse)))
+    monkeypatch.setattr(tones, "listen", lambda *_: with_lines((4.45, 3, 20_000.0)))
+    monkeypatch.setattr(tones, "explaining", lambda *_: [Explaining(4.45, 500.0)])
+    found = tones.found_tones(data, half.state, RULES, FULL.sensors, FULL.sampling, least=100.0)
+    assert found == ([] if coarse else [Explaining(4.45, 500.0)])
+
+
+@pytest.mark.parametrize("by_one", [False, True])
+def test_what_one_plane_alone_tells_is_left_out_with_all_that_is_as_slow(
+    half: Half, monkeypatch: pytest.MonkeyPatch, by_one: bool
+) -> None:
+    """An engine's quicker lines stay. Mutations: the best alone left out; the quick ones, too; never asked."""
+    every = [Explaining(1.45, 500.0), Explaining(0.8, 400.0), Explaining(4.45, 300.0)]
+    monkeypatch.setattr(tones, "listen", lambda *_: with_lines((1.45, 3, 20_000.0)))
+    monkeypatch.setattr(tones, "explaining", lambda *_: every)
+    monkeypatch.setattr(tones, "is_one_planes", lambda *_: by_one)
+    found = tones.found_tones(half.data, half.state, RULES, FULL.sensors, FULL.sampling, least=100.0)
+    assert found == (every[2:] if by_one else every)
+
+
 @pytest.mark.parametrize("fault", ["", "mixed"])
 def test_what_a_chosen_plane_that_is_none_makes_of_the_motion_is_no_tone(
     half: Half, monkeypatch: pytest.MonkeyPatch, fault: Literal["", "mixed"]
