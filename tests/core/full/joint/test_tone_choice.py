@@ -201,3 +201,21 @@ def test_what_a_single_plane_says_and_all_others_deny_is_no_tone(half: Half, mos
 
     assert not is_one(None)
     assert all(is_one(plane) for plane in range(len(half.state.planes)))
+
+
+@pytest.mark.parametrize(
+    ("seen", "decrease", "denied"), [(60.0, 0.0, True), (40.0, 0.0, False), (60.0, 29.0, True), (60.0, 31.0, False)]
+)
+def test_who_hardly_sees_a_tone_does_not_deny_it(
+    half: Half, monkeypatch: pytest.MonkeyPatch, seen: float, decrease: float, denied: bool
+) -> None:
+    """Of what all planes tell the others would see 60, or 40 where chance hides 50. Mutations: who does not see it denies it;
+    denied by any less, or by none at all.
+    """
+    every, size = np.eye(PARAMETERS), np.zeros(PARAMETERS)
+    size[0] = 10.0
+    left = iter([(every, size, np.ones(PARAMETERS))])
+    others = (every * 2.0 * seen / 100.0, np.sqrt(4.0 * seen * decrease) * size / 100.0, np.ones(PARAMETERS))
+    monkeypatch.setattr(tone_choice, "_left_by_others", lambda *_: next(left, others))
+    problem = gathered(half.data, half.state)
+    assert is_one_planes(half.data, problem, with_tones_tried(half.data, half.state, [0.8], RULES), RULES) is denied
