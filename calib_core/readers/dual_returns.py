@@ -14,8 +14,9 @@ from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.decoders import CloudDecoder
 from calib_core.readers.container.storage import RawMessage
 from calib_core.readers.scans import RING_NAMES
-from calib_core.readers.timing.point_time import PointTiming, raw_times
+from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.split_time import is_split
+from calib_core.readers.timing.time_fields import raw_times
 from calib_core.settings import ReadSettings
 from calib_core.threads import workers
 from calib_core.types import BoolArray, Clue, Finding

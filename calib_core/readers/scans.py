@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calib_core.readers.clouds.cloud import RawCloud, StructArray, points_mark
-from calib_core.readers.timing.point_time import PointTiming, raw_times
+from calib_core.readers.timing.point_time import PointTiming
 from calib_core.readers.timing.split_time import is_split
+from calib_core.readers.timing.time_fields import raw_times
 from calib_core.types import POINT_DTYPE, BoolArray, Float32Array, FloatArray, KeptScans, PointArray, Scan
 
 #: Scans are kept in memory up to here, then all of them go to a file.

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from calib_core.readers.clouds.cloud import RawCloud
 from calib_core.readers.clouds.kernels import mark_valid, pack_points
 from calib_core.readers.scans import load_loops, select_points
-from calib_core.readers.timing.point_time import PointTiming, Reference, Unit
+from calib_core.readers.timing.point_time import PointTiming, Reference
+from calib_core.readers.timing.time_fields import Unit
 from calib_core.types import POINT_DTYPE
 from tests.core.readers.build import EPOCH_NS
 
