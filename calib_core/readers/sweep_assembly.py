@@ -16,7 +16,8 @@ from calib_core.types import BoolArray, Clue, Finding, Scan
 _SCAN_S = 0.1
 #: Clouds that come less often are scans: the quickest rotors turn 20 times a second.
 _SHORTEST_S = 0.04
-
+#: Clouds that come no less often than this may be halves of a scan: two of them last no longer than the slower lidars' one.
+_HALF_S = 0.08
 
 #: Azimuths are counted in so many bins.
 _BINS = 72
@@ -24,6 +25,9 @@ _BINS = 72
 _FEW = 7
 #: Clouds make a turn if together they see so much of it, and each little more than its part of it.
 _WHOLE, _MORE = 0.9, 1.2
+#: Two clouds in a row are halves if together they see so many times what one does; what stays in view while a lidar turns by 3
+#: rad/s, and is 60 deg wide, is 1.15 times as wide after a twentieth of a second.
+_OTHER = 1.35
 #: More parts than this come quicker than any scan.
 _MOST_OF_A_TURN = 4
 
@@ -32,18 +36,25 @@ def parts_of_a_scan(period_s: float, clouds: Sequence[RawCloud]) -> int:
     """How many clouds make a scan, 1 where each is one. period_s: usual, between clouds.   clouds: the first of them, in order.
 
     Those that come quicker than any scan, by time; those that see a part of a turn each, by what so many see together: half of a
-    room is two walls, and every other cloud sees others.
+    room is two walls, and every other cloud sees others. So it is with a rosette's that come 20 times a second, though no number
+    of them sees all around.
     """
     if 0.0 < period_s < _SHORTEST_S:
         return max(1, round(_SCAN_S / period_s))
     seen = np.array([_bearings(cloud) for cloud in clouds if cloud.points.size]).reshape(-1, _BINS)
+    one, two = _seen_by(seen, 1), _seen_by(seen, 2)
     for parts in range(2, _MOST_OF_A_TURN + 1):
-        together = np.array([np.mean(seen[k : k + parts].any(axis=0)) for k in range(len(seen) - parts + 1)])
-        if not together.size or np.median(np.mean(seen, axis=1)) > _MORE / parts:
-            return 1
-        if np.median(together) >= _WHOLE:
+        if one > _MORE / parts:
+            break
+        if _seen_by(seen, parts) >= _WHOLE:
             return parts
-    return 1
+    return 2 if 0.0 < period_s < _HALF_S and two > _OTHER * one else 1
+
+
+def _seen_by(seen: BoolArray, parts: int) -> float:
+    """How much of a turn so many clouds in a row usually see together; 0 where there are fewer. seen: (K, 72)."""
+    together = [float(np.mean(seen[k : k + parts].any(axis=0))) for k in range(len(seen) - parts + 1)]
+    return float(np.median(together)) if together else 0.0
 
 
 def _bearings(cloud: RawCloud) -> BoolArray:
