@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calib_core.readers.clouds.cloud import RawCloud, StructArray, points_mark
-from calib_core.types import BoolArray, Clue, Finding, Scan
+from calib_core.types import BoolArray, Clue, Finding, FloatArray, Scan
 
 #: The usual turn of a lidar, and the usual frame of one that does not turn: a scan is gathered to this length.
 _SCAN_S = 0.1
@@ -44,17 +44,18 @@ def parts_of_a_scan(period_s: float, clouds: Sequence[RawCloud]) -> int:
     seen = np.array([_bearings(cloud) for cloud in clouds if cloud.points.size]).reshape(-1, _BINS)
     one, two = _seen_by(seen, 1), _seen_by(seen, 2)
     for parts in range(2, _MOST_OF_A_TURN + 1):
-        if one > _MORE / parts:
+        if np.median(one) > _MORE / parts:
             break
-        if _seen_by(seen, parts) >= _WHOLE:
+        if np.median(_seen_by(seen, parts)) >= _WHOLE:
             return parts
-    return 2 if 0.0 < period_s < _HALF_S and two > _OTHER * one else 1
+    # Of a view that is cut, one cloud may show all and the next nothing: the middle one of either says little.
+    return 2 if 0.0 < period_s < _HALF_S and np.mean(two) > _OTHER * np.mean(one) else 1
 
 
-def _seen_by(seen: BoolArray, parts: int) -> float:
-    """How much of a turn so many clouds in a row usually see together; 0 where there are fewer. seen: (K, 72)."""
-    together = [float(np.mean(seen[k : k + parts].any(axis=0))) for k in range(len(seen) - parts + 1)]
-    return float(np.median(together)) if together else 0.0
+def _seen_by(seen: BoolArray, parts: int) -> FloatArray:
+    """How much of a turn so many clouds in a row see together, wherever they begin; 0 where there are fewer. seen: (K, 72)."""
+    together = [np.mean(seen[k : k + parts].any(axis=0)) for k in range(len(seen) - parts + 1)]
+    return np.array(together or [0.0])
 
 
 def _bearings(cloud: RawCloud) -> BoolArray:

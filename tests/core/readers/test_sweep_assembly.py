@@ -57,16 +57,23 @@ def test_clouds_of_a_part_of_a_turn_make_a_scan_together(seen_deg: float, step_d
     assert parts_of_a_scan(0.05, clouds) == parts
 
 
-@pytest.mark.parametrize(("period_s", "step_deg", "parts"), [(0.05, 170, 2), (0.1, 170, 1), (0.05, 8.6, 1)])
-def test_a_rosettes_quick_clouds_make_a_scan_by_twos(period_s: float, step_deg: float, parts: int) -> None:
-    """Of a view of 100 deg among boxes that hide a part of what is around, which no number of clouds sees all of.
+@pytest.mark.parametrize(
+    ("period_s", "step_deg", "cut_deg", "parts"),
+    [(0.05, 170, 360, 2), (0.1, 170, 360, 1), (0.05, 8.6, 360, 1), (0.05, 180, 80, 2), (0.05, 360, 80, 1)],
+)
+def test_a_rosettes_quick_clouds_make_a_scan_by_twos(
+    period_s: float, step_deg: float, cut_deg: float, parts: int
+) -> None:
+    """Of 100 deg among boxes that hide a part of what is around, which no number of clouds sees all of, cut to a view.
 
-    Mutations: slow ones, too, which are bent enough; what came into view as the lidar turned by 3 rad/s counts.
+    Mutations: slow ones, too, which are bent enough; what came into view as the lidar turned by 3 rad/s counts; of a view
+    of which every other cloud shows all, and the others nothing, the larger half alone decides.
     """
     clouds = []
-    for k in range(20):
-        azimuth = np.deg2rad(k * step_deg + np.linspace(0.0, 100.0, 2000))
-        azimuth = azimuth[np.sin(3.0 * azimuth) > -0.5]
+    for k in range(21):
+        azimuth = np.deg2rad((k * step_deg + np.linspace(0.0, 100.0, 2000)) % 360.0)
+        seen = (np.sin(3.0 * azimuth) > -0.5) & (azimuth < np.deg2rad(cut_deg))
+        azimuth = azimuth[seen | (np.arange(azimuth.size) == 0)]
         points = np.zeros(azimuth.size, np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")]))
         points["x"], points["y"] = 5.0 * np.cos(azimuth), 5.0 * np.sin(azimuth)
         stamp_ns = build.EPOCH_NS + round(k * period_s * 1e9)
