@@ -54,7 +54,7 @@ def parts_of_a_scan(period_s: float, clouds: Sequence[RawCloud]) -> int:
 
 def _seen_by(seen: BoolArray, parts: int) -> FloatArray:
     """How much of a turn so many clouds in a row see together, wherever they begin; 0 where there are fewer. seen: (K, 72)."""
-    together = [np.mean(seen[k : k + parts].any(axis=0)) for k in range(len(seen) - parts + 1)]
+    together = [float(np.mean(seen[k : k + parts].any(axis=0))) for k in range(len(seen) - parts + 1)]
     return np.array(together or [0.0])
 
 
