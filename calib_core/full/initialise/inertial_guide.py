@@ -12,7 +12,7 @@ with p_0 and v by least squares. From the first motion that was not felt, the tr
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from calib_core.full.initialise.agreement import agreement
 from calib_core.full.initialise.inertial_motion import GyroTurning, TrackCheck, check_track, told_rotation
 from calib_core.full.initialise.linear import double_integral
 from calib_core.full.initialise.settings import AGREEING, GUIDING, LINEAR
-from calib_core.full.initialise.start import LidarTrack
+from calib_core.full.initialise.start import LidarTrack, RotationStart
 from calib_core.full.odometry.motion_prior import Misled, Turning
 from calib_core.full.odometry.register import ScanMotion, is_determined
 from calib_core.full.odometry.within_sweeps import require_measured_sweeps
@@ -81,6 +81,10 @@ class ImuMotion:
         """As the gyroscope has it."""
         return self.turning.between(start_ns, end_ns)
 
+    def turn_std_rad(self, turn_rad: float, over_s: float) -> float:
+        """As the gyroscope has it."""
+        return self.turning.turn_std_rad(turn_rad, over_s)
+
     def step(self, motions: Sequence[ScanMotion], to: int, /) -> FloatArray | None:
         """(3,) map [m] from the last scan to another, None where the IMU or the last second and a half say nothing of it."""
         last = motions[-1]
@@ -139,6 +143,7 @@ class Guide:
     def __init__(self, run: Run) -> None:
         self._run = run
         self._known: ImuMotion | None = None
+        self._told: RotationStart | None = None
         self._leads = False
         self._next_s = GUIDING.first_s
         self._begun_by: type[Turning] | None = None
@@ -189,6 +194,9 @@ class Guide:
         rotation = told_rotation(run, lidar)
         if rotation is None or rotation.open_axis_imu is not None:
             return
+        if self.led and self._told is not None:
+            rotation = _no_surer(rotation, self._told)
+        self._told = rotation
         found = check_track(run, part, lidar, rotation)
         leading = ImuMotion.of(run, found) if found.tells else None
         if leading is not None:
@@ -205,3 +213,15 @@ class Guide:
                 GUIDING.first_s,
             )
             raise Misled(turning)
+
+
+def _no_surer(told: RotationStart, before: RotationStart) -> RotationStart:
+    """What a track tells that was led by what was told before: how well the two fit says little of how right either is, and a
+    track that is twice as long tells twice as much.
+    """
+    half = GUIDING.surer
+    return replace(
+        told,
+        std_rad=max(told.std_rad, half * before.std_rad),
+        bias_std_rad_s=max(told.bias_std_rad_s, half * before.bias_std_rad_s),
+    )

@@ -51,6 +51,10 @@ class GyroTurning:
         R_c = self.rotation.R_imu_lidar
         return np.asarray(R_c.T @ R[0].T @ R[1] @ R_c)
 
+    def turn_std_rad(self, turn_rad: float, over_s: float) -> float:
+        """As the rotation and the bias are known."""
+        return self.rotation.turn_std_rad(turn_rad, over_s)
+
     def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
         """Nothing is known of steps."""
         return None
@@ -70,6 +74,10 @@ class Unturned:
         """R (3, 3): the same axes."""
         return np.eye(3)
 
+    def turn_std_rad(self, _turn_rad: float, _over_s: float, /) -> float:
+        """As wrong as turns that are believed may be."""
+        return np.inf
+
     def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
         """Nothing is known of steps."""
         return None
@@ -87,6 +95,10 @@ class OwnTurns:
     def between(self, _start_ns: int, _end_ns: int, /) -> FloatArray | None:
         """Nothing else is known of turns."""
         return None
+
+    def turn_std_rad(self, _turn_rad: float, _over_s: float, /) -> float:
+        """As wrong as turns that are believed may be."""
+        return np.inf
 
     def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> FloatArray | None:
         """Nothing is known of steps."""
@@ -111,6 +123,10 @@ class GyroAndSteps:
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """As the gyroscope has it."""
         return self.turning.between(start_ns, end_ns)
+
+    def turn_std_rad(self, turn_rad: float, over_s: float) -> float:
+        """As the gyroscope has it."""
+        return self.turning.turn_std_rad(turn_rad, over_s)
 
     def step(self, motions: Sequence[ScanMotion], to: int, /) -> FloatArray | None:
         """(3,) map [m] from the last scan to another, None where one between them is not known."""

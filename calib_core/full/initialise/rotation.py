@@ -111,7 +111,47 @@ def _fit_lag(turns: LidarTurns, gyro: GyroTurns, lag_s: float, correlation: floa
         left, mid, right = values[k - 1 : k + 2] ** 2
         bend = left - 2 * mid + right
         offset += ROTATING.step_s * 0.5 * (left - right) / bend if bend > 0 else 0.0
-    return _fit_rotations(turns, gyro, np.array([offset]), correlation)[0]
+    found = _fit_rotations(turns, gyro, np.array([offset]), correlation)[0]
+    return None if found is None else with_uncertainty(turns, gyro, found)
+
+
+def with_uncertainty(turns: LidarTurns, gyro: GyroTurns, found: RotationStart) -> RotationStart:
+    """The same, with how well turns tell it:
+
+        covariance(R) = s^2 (sum w (|a|^2 I - a a'))^-1,        s^2 = noise^2 (1 + 2 sum of its autocorrelation)
+
+    a: turns from their mean.   noise: what the fit leaves along one axis. A track that drifts leaves for a second what it leaves
+    for a scan: as long as neighbours are alike they are one piece of evidence, as if the rig turned one way for as long.
+    """
+    b = gyro.over(turns.start_s - found.time_offset_s, turns.end_s - found.time_offset_s)
+    use = np.isfinite(b[:, 0])
+    a, t_s = turns.rate_rad_s[use], turns.start_s[use]
+    left = b[use] - a @ found.R_imu_lidar.T - found.gyro_bias
+    weight = outlier_weights(np.linalg.norm(left, axis=1)[None], np.ones((1, len(left)), bool))[0]
+    weight = weight if turns.worth is None else weight * turns.worth[use]
+    total = float(weight.sum())
+    mean = weight @ a / total
+    spread = (weight[:, None] * (a - mean)).T @ (a - mean)
+    told = float(np.linalg.eigvalsh(np.trace(spread) * np.eye(3) - spread)[0])
+    noise = np.sqrt(np.sum(weight[:, None] * left**2) / (3.0 * total) * _lasting(left * np.sqrt(weight)[:, None], t_s))
+    std = min(float(noise / np.sqrt(told)), np.pi) if told > 0.0 else np.pi
+    bias_std = float(np.hypot(noise / np.sqrt(total), std * np.linalg.norm(mean)))
+    return replace(found, std_rad=std, bias_std_rad_s=bias_std)
+
+
+def _lasting(left: FloatArray, t_s: FloatArray) -> float:
+    """How many turns in a row are one piece of evidence, as what is left of them (N, 3), at (N,), is alike for so long."""
+    power = float(np.sum(left**2))
+    if len(left) < ROTATING.parts or power <= 0.0:
+        return 1.0
+    longest = round(ROTATING.lasts_s / max(float(np.median(np.diff(t_s))), 1e-3))
+    lasting = 1.0
+    for lag in range(1, min(longest, len(left) // ROTATING.parts) + 1):
+        alike = float(np.sum(left[lag:] * left[:-lag])) / power
+        if alike <= 0.0:
+            break
+        lasting += 2.0 * alike
+    return lasting
 
 
 def _around() -> FloatArray:

@@ -164,6 +164,8 @@ class Guiding:
     over_s: float = 8.0
     #: judged: what leads it is told anew, from all of it, whenever it is so many times as long. Each takes as long as ten scans.
     again_times: float = 2.0
+    #: derived: standard deviations of what is told anew are no less than this of those before: the root of a half.
+    surer: float = 0.71
     #: derived: a velocity by positions to a centimetre over so long is right to 1 cm/s; a gravity wrong by a fifth of a degree
     #: has done 4 cm by then. So many scans are as long as that at 20 Hz, and so few tell a line.
     behind_s: float = 1.5
@@ -188,6 +190,10 @@ class Rotating:
     step_s: float = 0.005
     #: judged: fewer turns tell no rotation: thirty components for its three.
     fewest_turns: int = 10
+    #: judged: what is left of turns is alike for no longer than this, and is looked at over such a part of them at most: beyond
+    #: that chance makes as much of it. Drifts along a false plane lasted for a second.
+    lasts_s: float = 1.0
+    parts: int = 4
     #: derived: three median residuals are two sigma of a normal law. Passes of the weights against outliers, whose scale is
     #: so many, not below this rate (0.006 deg/s).
     passes: int = 4

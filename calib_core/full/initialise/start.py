@@ -63,6 +63,8 @@ class RotationStart:
 
     correlation: of the rates' norms at the lag. residual: rms of the fit over rms of the rates, 0 for perfect.
     repeats_s: other lags that fit as well, as of a motion that repeats itself; this one is the nearest to the stamps' own.
+    std_rad, bias_std_rad_s: 1 sigma of the rotation about its worst axis and of the gyroscope's constant, by what the fit leaves;
+    as much as anything where that is not known.
     """
 
     time_offset_s: float
@@ -72,6 +74,12 @@ class RotationStart:
     correlation: float
     open_axis_imu: FloatArray | None
     repeats_s: tuple[float, ...] = ()
+    std_rad: float = np.pi
+    bias_std_rad_s: float = 1.0
+
+    def turn_std_rad(self, turn_rad: float, over_s: float) -> float:
+        """1 sigma of a turn by so much over so long that the gyroscope's turn gives as the lidar's. Of a rate: over a second."""
+        return turn_rad * self.std_rad + over_s * self.bias_std_rad_s
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,9 @@ class Turning(Protocol):
     def between(self, start_ns: int, end_ns: int) -> FloatArray | None:
         """R (3, 3) from the lidar's axes at the end to those at the start; None where nothing is known of that span."""
 
+    def turn_std_rad(self, turn_rad: float, over_s: float, /) -> float:
+        """1 sigma of such a turn of so much over so long, by what it was made with; infinite where nothing tells that."""
+
     def step(self, motions: Sequence[ScanMotion], to: int, /) -> FloatArray | None:
         """(3,) [m], map frame: from the lidar's place at the start of the last of these scans to that at another's; None where
         nothing is known of it.

@@ -119,6 +119,10 @@ class TrackSettings:
     #: mounting is only roughly known: a tenth of a radian off, of 0.1 rad and of 1 rad/s.
     turning_rad: float = 0.01
     turning_rate_rad_s: float = 0.1
+    #: derived: no less than this where it is well known: a lag that is right to 5 ms, while the rate changes by 4 rad/s2 over a
+    #: tenth of a second; and by 6 rad/s2 within the sweep.
+    known_turning_rad: float = 0.002
+    known_turning_rate_rad_s: float = 0.03
     #: measured on drawn rigs: 1 sigma of a step from scan to scan that an accelerometer has felt, under a linear start; and of
     #: the velocity in a sweep, for which the mean over the step is taken: at 4 m/s2 half a tenth of a second away.
     step_m: float = 0.015

@@ -216,9 +216,9 @@ class _Tracker:
         turned = self._turned(previous, position)
         known_rad = None
         if turned is not None:
-            known_rad = s.turning_rad * max(1.0, self._between_s(previous.position, position) / s.tie_s) ** 0.5
+            known_rad, rate_std = self._known_turning(previous, turned)
             predicted = replace(predicted, R=turned.R, omega_rad_s=turned.omega_rad_s)
-            tie[TURN], tie[RATE] = 1 / known_rad**2, 1 / s.turning_rate_rad_s**2
+            tie[TURN], tie[RATE] = 1 / known_rad**2, 1 / rate_std**2
         if damping_s is not None:  # what coasts does not go on for ever; where points tell otherwise this is nothing
             predicted = replace(predicted, v_m_s=predicted.v_m_s * np.exp(-self._period_s(position) / damping_s))
         step = None if self.turning is None else self.turning.step(self.marched, position)
@@ -261,6 +261,18 @@ class _Tracker:
         if turn is None or rate is None:
             return None
         return replace(previous, position=position, R=previous.R @ turn, omega_rad_s=rate)
+
+    def _known_turning(self, previous: ScanMotion, turned: ScanMotion) -> tuple[float, float]:
+        """1 sigma of the turn [rad] and of the rate [rad/s] of what else tells of turning."""
+        s = self.s
+        assert self.turning is not None
+        over_s = self._between_s(previous.position, turned.position)
+        longer = max(1.0, over_s / s.tie_s) ** 0.5
+        turn_rad = float(np.linalg.norm(log(previous.R.T @ turned.R)))
+        turn = float(np.hypot(s.known_turning_rad * longer, self.turning.turn_std_rad(turn_rad, over_s)))
+        rate_rad_s = float(np.linalg.norm(turned.omega_rad_s))
+        rate = float(np.hypot(s.known_turning_rate_rad_s, self.turning.turn_std_rad(rate_rad_s, 1.0)))
+        return min(s.turning_rad * longer, turn), min(s.turning_rate_rad_s, rate)
 
     def _lost(self, motion: ScanMotion, predicted: ScanMotion, position: int) -> bool:
         """Whether a registration is not to be trusted: too few points on planes, or a leap."""

@@ -28,6 +28,9 @@ class TrueTurning:
         R, _ = self._truth.map_lidar((np.array([start_ns, end_ns]) - self._truth.epoch_ns) * 1e-9)
         return R[0].T @ R[1]
 
+    def turn_std_rad(self, *_: object) -> float:
+        return np.inf
+
     def step(self, *_: object) -> None:
         return None
 

@@ -49,6 +49,9 @@ class _Shaken:
         one, other = self.at(t_s)
         return None if t_s.max() > self._until_s else (one.inv() * other).as_matrix()
 
+    def turn_std_rad(self, _turn_rad: float, _over_s: float, /) -> float:
+        return np.inf
+
     def step(self, _motions: Sequence[ScanMotion], _to: int, /) -> None:
         return None
 

@@ -67,6 +67,9 @@ class _Known:
     def between(self, _start_ns: int, _end_ns: int) -> None:
         return None
 
+    def turn_std_rad(self, _turn_rad: float, _over_s: float, /) -> float:
+        return np.inf
+
     def step(self, motions: Sequence[ScanMotion], to: int, /) -> FloatArray:
         return (to - motions[-1].position) * self.each_m
 
