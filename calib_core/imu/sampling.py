@@ -37,6 +37,9 @@ _LESS_SURE = 3.0
 _RUN, _ENOUGH = 1000, 200_000
 #: Standard deviations by which beta has to be on its side of a half.
 _DECISIVE = 3.0
+#: And by which it is likely to be, unless it is surely neither 0 nor 1: of sensors that are polled at their stamps, next to none
+#: look as if they were not. Where beta is below a half even stamps leave less of the jitter than those that were given.
+_LIKELY = 2.0
 #: Beta is 0 to 1; beyond either end by more than this, and surely, neither holds.
 _BEYOND = 0.25
 #: Beta is between 0 and 1 where it is further from both, and surely.
@@ -87,7 +90,13 @@ class Sampling:
 
     @property
     def is_even(self) -> bool:
-        """Whether the readings say that less than half of the jitter is in when they were taken."""
+        """Whether, by the readings, less than half of the jitter is likely to be in when they were taken."""
+        likely = self.in_sampling + _LIKELY * self.in_sampling_std < 0.5 and not (self.fits_neither or self.is_mixed)
+        return likely or self.is_surely_even
+
+    @property
+    def is_surely_even(self) -> bool:
+        """Whether they leave no doubt of that."""
         return self.in_sampling + _DECISIVE * self.in_sampling_std < 0.5 and not self.fits_neither
 
     @property

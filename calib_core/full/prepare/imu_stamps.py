@@ -85,7 +85,9 @@ def _in_words(sampling: Sampling, topic: str, *, forced: bool) -> str:
     if forced:
         return f"{stamps}; {evenly}, as asked"
     if sampling.is_even:
-        says = "less than half of this is in the sampling itself" if sampling.is_mixed else "but the sampling does not"
+        says = "but the sampling does not" if sampling.is_surely_even else "but the sampling probably does not"
+        if sampling.is_mixed:
+            says = "less than half of this is in the sampling itself"
         return f"{stamps}, {says} ({shown}): {evenly}"
     if sampling.is_as_stamped:
         says = "more than half of this is in the sampling itself" if sampling.is_mixed else "and so does the sampling"

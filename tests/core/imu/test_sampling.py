@@ -43,6 +43,25 @@ def test_a_sensor_polled_when_its_stamps_say_is_left_alone() -> None:
     assert abs(sampling.in_sampling - 1.0) < 4.0 * sampling.in_sampling_std < 0.4
 
 
+@pytest.mark.parametrize("polled", [False, True])
+def test_what_is_not_beyond_doubt_is_taken_as_is_likelier(polled: bool) -> None:
+    """Of 15 s of a slow hand, shaken beyond that, which tell the share of the jitter to a fifth: most even samplings are put on
+    their line, a third of them beyond doubt, and no sensor that is polled.
+
+    Mutations: what is not beyond doubt is taken as stamped (seen of 1.7 ms at 50 Hz: 5 of its sigmas off, of 7.5 mm, where it is
+    0.9 mm off); any share below a half is even.
+    """
+    found = []
+    for seed in range(30):
+        rng = np.random.default_rng([21, seed])
+        t = even_instants(rng, 1500)
+        tau = uniform_jitter(rng, len(t))
+        values = readings_at(np.asarray(t + tau) if polled else t, rng, pace=0.6)
+        found.append(studied(in_ns(t + tau), values + 0.01 * rng.standard_normal(values.shape)))
+    even, surely = (np.mean([getattr(f, name) for f in found]) for name in ("is_even", "is_surely_even"))
+    assert even == surely == 0.0 if polled else even > 0.7 and 0.1 < surely < 0.5
+
+
 def test_where_nothing_moves_nothing_is_decided() -> None:
     """Mutation: a standard deviation that forgets how small the slopes are."""
     rng = np.random.default_rng(3)
