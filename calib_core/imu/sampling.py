@@ -68,7 +68,8 @@ class Sampling:
     there the time offset is learnt. What the tail of a one-sided law changes in it is part of that, as likely to be any
     share of it: where the law ends and a host's stall begins, nobody can say.   every_std_s: how well the mean over all stamps is
     known, were there nothing but noise in it.   late_s: by how much the mean stamp comes after
-    the most punctual ones, where most of the jitter is to that side; 0 where it is to both.
+    the most punctual ones, where most of the jitter is to that side; 0 where it is to both.   is_by_shaking: whether beta is told
+    by what shakes the sensor, which makes less of a beta that is not 0 where it is faster than half the sampling rate.
     """
 
     even_ns: IntArray
@@ -81,6 +82,7 @@ class Sampling:
     mean_std_s: float
     every_std_s: float
     late_s: float = 0.0
+    is_by_shaking: bool = False
 
     @property
     def fits_neither(self) -> bool:
@@ -97,7 +99,9 @@ class Sampling:
     @property
     def is_surely_even(self) -> bool:
         """Whether they leave no doubt of that."""
-        return self.in_sampling + _DECISIVE * self.in_sampling_std < 0.5 and not self.fits_neither
+        less_than_seems = self.is_by_shaking and self.is_mixed
+        sure = self.in_sampling + _DECISIVE * self.in_sampling_std < 0.5
+        return sure and not (self.fits_neither or less_than_seems)
 
     @property
     def is_as_stamped(self) -> bool:
@@ -132,9 +136,12 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
     jitter = float(np.sqrt(np.mean(tau[used] ** 2)))
     values = values[:, np.ptp(values, axis=0) > _ROUNDING * np.abs(values).max(axis=0)].astype(np.float64)
     share, std = _least_even(number, in_row, tau, values, period)
+    by_shaking = 0.5, np.inf
     if abs(share - 0.5) < _DECISIVE * std:
         by_shaking = shaken_share(_spread_runs(_unbroken(number, in_row, 3 * SPAN)), tau / period, values)
-        share, std = min((share, std), by_shaking, key=lambda told: told[1])
+    is_by_shaking = by_shaking[1] < std
+    if is_by_shaking:
+        share, std = by_shaking
     mean_of_all = usual_mean(t, tau, in_row, period)
     apart_s = t[2 * _SLOPE_SPAN :] - t[: -2 * _SLOPE_SPAN]
     whole = np.flatnonzero(apart_s < _NO_GAP * 2 * _SLOPE_SPAN * period) + _SLOPE_SPAN
@@ -153,6 +160,7 @@ def study_sampling(stamps_ns: IntArray, values: FloatArray) -> Sampling | None:
         ),
         every_std_s=jitter * lasting(rows, t) / float(np.sqrt(np.count_nonzero(used))),
         late_s=mean_lateness(tau[used], mean_of_all),
+        is_by_shaking=is_by_shaking,
     )
 
 
