@@ -28,7 +28,7 @@ class TrueTurning:
         R, _ = self._truth.map_lidar((np.array([start_ns, end_ns]) - self._truth.epoch_ns) * 1e-9)
         return R[0].T @ R[1]
 
-    def turn_std_rad(self, *_: object) -> float:
+    def turn_std_rad(self, _turn_rad: float, _over_s: float, /) -> float:
         return np.inf
 
     def step(self, *_: object) -> None:

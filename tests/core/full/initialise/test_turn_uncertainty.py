@@ -41,7 +41,11 @@ def _lasting(rng: np.random.Generator, alike: float) -> FloatArray:
 def _drawn(seed: int, alike: float) -> RotationStart:
     """The start by a hand's turns of 0.4 rad/s about each axis, wrong by what is so much alike."""
     rng = np.random.default_rng(seed)
-    rate, wrong = 0.4 * _lasting(rng, 0.8), NOISE_RAD_S * _lasting(rng, alike)
+    return _start(0.4 * _lasting(rng, 0.8), NOISE_RAD_S * _lasting(rng, alike))
+
+
+def _start(rate: FloatArray, wrong: FloatArray) -> RotationStart:
+    """The start by turns at rates (TURNS, 3) that the lidar tells wrong by so much."""
     start_s, imu_s = PERIOD_S * np.arange(TURNS), np.arange(0.0, TURNS * PERIOD_S + 0.005, 0.001)
     gyro = rate[np.minimum((imu_s / PERIOD_S + 1e-6).astype(int), TURNS - 1)] @ R_C.T + BIAS
     turns = LidarTurns(start_s, start_s + PERIOD_S, rate + wrong)
@@ -72,10 +76,7 @@ def test_turns_about_one_axis_tell_next_to_nothing_of_the_rest() -> None:
     """Mutation: of the axes that tell best."""
     rng = np.random.default_rng(1)
     rate = 0.4 * _lasting(rng, 0.8)[:, :1] * np.array([0.0, 0.0, 1.0])
-    start_s, imu_s = PERIOD_S * np.arange(TURNS), np.arange(0.0, TURNS * PERIOD_S + 0.005, 0.001)
-    gyro = rate[np.minimum((imu_s / PERIOD_S + 1e-6).astype(int), TURNS - 1)] @ R_C.T + BIAS
-    turns = LidarTurns(start_s, start_s + PERIOD_S, rate + 1e-3 * rng.standard_normal((TURNS, 3)))
-    (found,) = fit_lags(turns, GyroTurns(imu_s, gyro), [(0.0, 1.0)])
+    found = _start(rate, 1e-3 * rng.standard_normal((TURNS, 3)))
     assert found.std_rad > 10 * _drawn(0, 0.0).std_rad * 1e-3 / NOISE_RAD_S
 
 
@@ -103,7 +104,7 @@ class _Sure(TrueTurning):
 
     of_turn = 0.0
 
-    def turn_std_rad(self, turn_rad: float, _over_s: float) -> float:  # type: ignore[override]
+    def turn_std_rad(self, turn_rad: float, _over_s: float, /) -> float:
         return self.of_turn * turn_rad
 
 
